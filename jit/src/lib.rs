@@ -1,0 +1,1 @@
+//! An f32 lane assembler.

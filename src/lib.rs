@@ -1,0 +1,2 @@
+#![forbid(unsafe_code)]
+//! Analytic filters for Monte Carlo noise.
