@@ -1,2 +1,4 @@
 #![forbid(unsafe_code)]
 //! Analytic filters for Monte Carlo noise.
+
+pub mod expr;

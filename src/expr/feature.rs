@@ -1,0 +1,250 @@
+//! The features of a pixel: one row each.
+//!
+//! A row says how a feature is spelled in expressions (its value, its gradient,
+//! its variance), how wide it is and which EXR channels hold it. The parser,
+//! the grammar, the loader, the passes and the documentation all read these
+//! rows; adding a feature is adding a row.
+
+use std::fmt;
+
+/// A per-pixel quantity that weights can look at (Section 4.3 of the paper, and
+/// the two further ones that its Equations 3 and 4 use: `color` and `pixel`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Feature {
+    /// World-space position of the first hit.
+    WorldPosition,
+    /// Shading normal at the first hit.
+    Normal,
+    /// Diffuse albedo ("texture") at the first hit.
+    Texture,
+    /// Diffuse albedo seen through glossy or specular reflection.
+    SecTexture,
+    /// Distance from the camera to the first hit.
+    Depth,
+    /// Direct illumination at the first hit.
+    DirIllumination,
+    /// The noisy colour itself.
+    Color,
+    /// The pixel's own coordinates, in pixels.
+    Pixel,
+}
+
+/// Which of a feature's quantities is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Quantity {
+    /// The feature itself.
+    Value,
+    /// Per component, the magnitude of the central differences in x and y.
+    Gradient,
+    /// The variance of the pixel's mean, averaged over the components: a scalar.
+    Variance,
+}
+
+/// A row of the feature table.
+#[derive(Debug)]
+pub struct FeatureRow {
+    /// Spelling of the value in expressions.
+    pub name: &'static str,
+    /// Spelling of the gradient, where the grammar has one.
+    pub gradient: Option<&'static str>,
+    /// Spelling of the variance, where there is one.
+    pub variance: Option<&'static str>,
+    /// The EXR channels, one per component; empty for what no file holds.
+    pub channels: &'static [&'static str],
+    /// The EXR channels whose average is the variance (alternatives: either all
+    /// of them, or the per-feature one).
+    pub variance_channels: &'static [&'static str],
+    /// Number of components.
+    pub width: usize,
+    /// One line for people.
+    pub doc: &'static str,
+}
+
+const TABLE: [FeatureRow; 8] = [
+    FeatureRow {
+        name: "worldPosition",
+        gradient: Some("wpGradient"),
+        variance: Some("wpVariance"),
+        channels: &["Position.X", "Position.Y", "Position.Z"],
+        variance_channels: &["Position.Variance"],
+        width: 3,
+        doc: "world-space position of the first hit, relative to the visible geometry's extent",
+    },
+    FeatureRow {
+        name: "normal",
+        gradient: Some("nGradient"),
+        variance: Some("nVariance"),
+        channels: &["Normal.X", "Normal.Y", "Normal.Z"],
+        variance_channels: &["Normal.Variance"],
+        width: 3,
+        doc: "shading normal at the first hit",
+    },
+    FeatureRow {
+        name: "texture",
+        gradient: Some("tGradient"),
+        variance: Some("tVariance"),
+        channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
+        variance_channels: &["Albedo.Variance"],
+        width: 3,
+        doc: "diffuse albedo at the first hit",
+    },
+    FeatureRow {
+        name: "secTexture",
+        gradient: Some("secTGradient"),
+        variance: Some("secTexVariance"),
+        channels: &["SecondaryAlbedo.R", "SecondaryAlbedo.G", "SecondaryAlbedo.B"],
+        variance_channels: &["SecondaryAlbedo.Variance"],
+        width: 3,
+        doc: "diffuse albedo seen through glossy or specular reflection",
+    },
+    FeatureRow {
+        name: "depth",
+        gradient: Some("dGradient"),
+        variance: Some("dVariance"),
+        channels: &["Depth.Z"],
+        variance_channels: &["Depth.Variance"],
+        width: 1,
+        doc: "distance to the first hit, relative to the visible geometry's extent",
+    },
+    FeatureRow {
+        name: "dirIllumination",
+        gradient: Some("diGradient"),
+        variance: Some("diVariance"),
+        channels: &["Direct.R", "Direct.G", "Direct.B"],
+        variance_channels: &["Direct.Variance"],
+        width: 3,
+        doc: "direct illumination at the first hit, relative to the image's exposure",
+    },
+    FeatureRow {
+        name: "color",
+        gradient: None,
+        variance: Some("cVariance"),
+        channels: &["R", "G", "B"],
+        variance_channels: &["Variance.R", "Variance.G", "Variance.B"],
+        width: 3,
+        doc: "the noisy colour, relative to the image's exposure",
+    },
+    FeatureRow {
+        name: "pixel",
+        gradient: None,
+        variance: None,
+        channels: &[],
+        variance_channels: &[],
+        width: 2,
+        doc: "the pixel's coordinates, in pixels",
+    },
+];
+
+impl Feature {
+    /// Every feature, in the table's order.
+    pub const ALL: [Self; 8] = [
+        Self::WorldPosition,
+        Self::Normal,
+        Self::Texture,
+        Self::SecTexture,
+        Self::Depth,
+        Self::DirIllumination,
+        Self::Color,
+        Self::Pixel,
+    ];
+
+    /// The feature's row.
+    pub fn row(self) -> &'static FeatureRow {
+        &TABLE[self as usize]
+    }
+
+    /// Number of components.
+    pub fn width(self) -> usize {
+        self.row().width
+    }
+
+    /// The spelling of one of its quantities, if expressions can name it.
+    pub fn spelling(self, quantity: Quantity) -> Option<&'static str> {
+        let row = self.row();
+        match quantity {
+            Quantity::Value => Some(row.name),
+            Quantity::Gradient => row.gradient,
+            Quantity::Variance => row.variance,
+        }
+    }
+
+    /// Looks a spelling up.
+    pub fn parse(text: &str) -> Option<(Self, Quantity)> {
+        Self::terms().find(|&(f, q)| f.spelling(q) == Some(text))
+    }
+
+    /// Every (feature, quantity) that expressions can name.
+    pub fn terms() -> impl Iterator<Item = (Self, Quantity)> {
+        Self::ALL.into_iter().flat_map(|f| {
+            Quantity::ALL.into_iter().filter(move |&q| f.spelling(q).is_some()).map(move |q| (f, q))
+        })
+    }
+}
+
+impl Quantity {
+    /// All three.
+    pub const ALL: [Self; 3] = [Self::Value, Self::Gradient, Self::Variance];
+}
+
+/// One scalar image: a component of one of a feature's quantities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PlaneId {
+    /// Whose.
+    pub feature: Feature,
+    /// Which quantity.
+    pub quantity: Quantity,
+    /// Component, below [`PlaneId::components`]; 0 for variances.
+    pub component: u8,
+}
+
+impl PlaneId {
+    /// The planes of one quantity of a feature, in component order.
+    pub fn of(feature: Feature, quantity: Quantity) -> impl Iterator<Item = Self> {
+        (0..Self::components(feature, quantity) as u8).map(move |component| Self {
+            feature,
+            quantity,
+            component,
+        })
+    }
+
+    /// How many planes a quantity of a feature has: its width, 1 for variances.
+    pub fn components(feature: Feature, quantity: Quantity) -> usize {
+        match quantity {
+            Quantity::Value | Quantity::Gradient => feature.width(),
+            Quantity::Variance => 1,
+        }
+    }
+}
+
+impl fmt::Display for PlaneId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.feature.spelling(self.quantity).unwrap_or(self.feature.row().name);
+        match self.quantity {
+            Quantity::Variance => f.write_str(name),
+            Quantity::Value | Quantity::Gradient => write!(f, "{name}[{}]", self.component),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_stand_in_the_order_of_the_enum_and_are_consistent() {
+        for (k, feature) in Feature::ALL.into_iter().enumerate() {
+            assert_eq!(feature as usize, k);
+            let row = feature.row();
+            assert!(row.channels.is_empty() || row.channels.len() == row.width);
+            assert_eq!(row.variance.is_some(), !row.variance_channels.is_empty());
+        }
+    }
+
+    #[test]
+    fn every_spelling_is_unique_and_parses_back() {
+        for (feature, quantity) in Feature::terms() {
+            let text = feature.spelling(quantity).expect("terms() lists only what has a spelling");
+            assert_eq!(Feature::parse(text), Some((feature, quantity)));
+        }
+    }
+}

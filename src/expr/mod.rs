@@ -1,0 +1,6 @@
+//! Floor 0: the expression language. Pure: no files, no threads.
+
+pub mod builder;
+pub mod feature;
+pub mod interval;
+pub mod tape;

@@ -1,0 +1,333 @@
+//! Straight-line code over primitives: what every back end consumes.
+//!
+//! A [`Tape`] is a list of instructions in static single assignment form, with
+//! one or several results. Three kinds of instruction exist: a constant, an
+//! input, and a [`Prim`] applied to earlier values. [`Prim::eval`] *is* the
+//! meaning of a primitive; interpreter, machine code and shader must give the
+//! same `f32`.
+//!
+//! There are no masks: the only conditional is the four-operand
+//! [`Prim::SelectLt`], so that every value is a number and no back end needs a
+//! second type.
+//!
+//! Tapes are made by a [`Builder`](super::builder::Builder), which follows the
+//! [`Interval`] of every value and simplifies while it builds.
+
+use super::feature::PlaneId;
+use super::interval::Interval;
+
+/// Which end of the pair (i, j) an input is read at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Side {
+    /// The pixel being filtered.
+    I,
+    /// The neighbour that contributes.
+    J,
+}
+
+/// An image axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Axis {
+    /// Columns, growing to the right.
+    X,
+    /// Rows, growing downwards.
+    Y,
+}
+
+/// What a tape can read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Input {
+    /// A feature plane, at pixel i or j.
+    Plane(PlaneId, Side),
+    /// The offset from i to j along an axis, in pixels: j - i.
+    Offset(Axis),
+    /// The k-th value that was computed beforehand for pixel i.
+    PerPixel(u32),
+    /// The k-th value that was computed beforehand for this offset.
+    PerTap(u32),
+}
+
+/// A primitive operation on `f32`. No primitive traps; operands out of the
+/// stated domain give what IEEE 754 says, and rows of the operator table guard
+/// against them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Prim {
+    /// `-a`
+    Neg,
+    /// `|a|`
+    Abs,
+    /// Square root, correctly rounded; NaN below zero.
+    Sqrt,
+    /// The nearest integer, ties to even.
+    Round,
+    /// 2^a for an integer a in [-127, 127]; 2^-127 is flushed to 0.
+    Exp2i,
+    /// The unbiased exponent field: floor(log2 |a|) for normal numbers, -127
+    /// for zeros and subnormals.
+    Exponent,
+    /// The significand of a with exponent and sign dropped: in [1, 2).
+    Mantissa,
+    /// `a + b`
+    Add,
+    /// `a - b`
+    Sub,
+    /// `a * b`
+    Mul,
+    /// `a / b`, correctly rounded.
+    Div,
+    /// `if a < b { a } else { b }`
+    Min,
+    /// `if a > b { a } else { b }`
+    Max,
+    /// `a * b + c`, rounded once.
+    Fma,
+    /// `if a < b { c } else { d }`
+    SelectLt,
+}
+
+/// 1.5 * 2^23 + 127: adding it to a small integer leaves `integer + 127` in the
+/// low bits of the sum, which is how [`Prim::Exp2i`] builds an exponent.
+pub const EXP2I_MAGIC: f32 = 12_583_039.0;
+
+impl Prim {
+    /// Every primitive.
+    pub const ALL: [Self; 15] = [
+        Self::Neg,
+        Self::Abs,
+        Self::Sqrt,
+        Self::Round,
+        Self::Exp2i,
+        Self::Exponent,
+        Self::Mantissa,
+        Self::Add,
+        Self::Sub,
+        Self::Mul,
+        Self::Div,
+        Self::Min,
+        Self::Max,
+        Self::Fma,
+        Self::SelectLt,
+    ];
+
+    /// Number of operands.
+    pub fn arity(self) -> usize {
+        match self {
+            Self::Neg
+            | Self::Abs
+            | Self::Sqrt
+            | Self::Round
+            | Self::Exp2i
+            | Self::Exponent
+            | Self::Mantissa => 1,
+            Self::Add | Self::Sub | Self::Mul | Self::Div | Self::Min | Self::Max => 2,
+            Self::Fma => 3,
+            Self::SelectLt => 4,
+        }
+    }
+
+    /// The meaning; operands beyond the arity are ignored.
+    #[inline(always)]
+    pub fn eval(self, [a, b, c, d]: [f32; 4]) -> f32 {
+        match self {
+            Self::Neg => -a,
+            Self::Abs => a.abs(),
+            Self::Sqrt => a.sqrt(),
+            Self::Round => a.round_ties_even(),
+            Self::Exp2i => f32::from_bits((a + EXP2I_MAGIC).to_bits() << 23),
+            Self::Exponent => (((a.to_bits() >> 23) & 0xff) as i32 - 127) as f32,
+            Self::Mantissa => f32::from_bits((a.to_bits() & 0x007f_ffff) | 0x3f80_0000),
+            Self::Add => a + b,
+            Self::Sub => a - b,
+            Self::Mul => a * b,
+            Self::Div => a / b,
+            Self::Min => {
+                if a < b {
+                    a
+                } else {
+                    b
+                }
+            }
+            Self::Max => {
+                if a > b {
+                    a
+                } else {
+                    b
+                }
+            }
+            Self::Fma => a.mul_add(b, c),
+            Self::SelectLt => {
+                if a < b {
+                    c
+                } else {
+                    d
+                }
+            }
+        }
+    }
+
+    /// An enclosure of the result, given enclosures of the operands. `same`
+    /// says that the first two operands are one value.
+    pub fn range(self, [a, b, c, d]: [Interval; 4], same: bool) -> Interval {
+        match self {
+            Self::Neg => -a,
+            Self::Abs => a.abs(),
+            Self::Sqrt if a.lo >= 0.0 => a.increasing(f32::sqrt),
+            Self::Sqrt => Interval::ENTIRE,
+            Self::Round => a.increasing(f32::round_ties_even),
+            Self::Exp2i if a.within(127.0) => {
+                a.increasing(|x| Self::Exp2i.eval([x, 0.0, 0.0, 0.0]))
+            }
+            Self::Exp2i => Interval::ENTIRE,
+            Self::Exponent if a.lo >= 0.0 => {
+                a.increasing(|x| Self::Exponent.eval([x, 0.0, 0.0, 0.0]))
+            }
+            Self::Exponent => Interval::new(-127.0, 128.0),
+            Self::Mantissa => Interval::new(1.0, 2.0),
+            Self::Add => a + b,
+            Self::Sub => a - b,
+            Self::Mul if same => a.square(),
+            Self::Mul => a * b,
+            Self::Div => a / b,
+            Self::Min => Interval::new(a.lo.min(b.lo), a.hi.min(b.hi)),
+            Self::Max => Interval::new(a.lo.max(b.lo), a.hi.max(b.hi)),
+            Self::Fma if same => {
+                let m = a.abs();
+                Interval::new(m.lo.mul_add(m.lo, c.lo), m.hi.mul_add(m.hi, c.hi))
+            }
+            Self::Fma => a.fma(b, c),
+            Self::SelectLt if a.hi < b.lo => c,
+            Self::SelectLt if a.lo >= b.hi => d,
+            Self::SelectLt => c.hull(d),
+        }
+    }
+}
+
+/// A value of a tape: the index of the instruction that makes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Value(u32);
+
+impl Value {
+    /// The index of the instruction that makes the value.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// One instruction. Constants are kept by their bits, so that equality and
+/// hashing are exact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Instr {
+    /// The bits of a constant.
+    Const(u32),
+    /// Something read from outside.
+    Input(Input),
+    /// A primitive; operands beyond its arity repeat the first one.
+    Prim(Prim, [Value; 4]),
+}
+
+impl Instr {
+    /// The operands, in order; none for constants and inputs.
+    pub fn operands(&self) -> &[Value] {
+        match self {
+            Self::Const(_) | Self::Input(_) => &[],
+            Self::Prim(prim, args) => &args[..prim.arity()],
+        }
+    }
+}
+
+/// Straight-line code with one or several results. Every operand stands before
+/// the instruction that uses it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tape {
+    instrs: Vec<Instr>,
+    ranges: Vec<Interval>,
+    results: Vec<Value>,
+}
+
+impl Tape {
+    /// The instructions, operands first.
+    pub fn instrs(&self) -> &[Instr] {
+        &self.instrs
+    }
+
+    /// The values that the tape is evaluated for.
+    pub fn results(&self) -> &[Value] {
+        &self.results
+    }
+
+    /// What is known of a value.
+    pub fn range(&self, value: Value) -> Interval {
+        self.ranges[value.index()]
+    }
+
+    /// The instruction that makes a value.
+    pub fn instr(&self, value: Value) -> Instr {
+        self.instrs[value.index()]
+    }
+
+    /// The inputs that the tape reads, in order of first use.
+    pub fn inputs(&self) -> impl Iterator<Item = Input> + '_ {
+        self.instrs.iter().filter_map(|instr| match *instr {
+            Instr::Input(input) => Some(input),
+            Instr::Const(_) | Instr::Prim(..) => None,
+        })
+    }
+
+    /// Evaluates the tape once, on scalars: the definition that the faster back
+    /// ends are held to. Returns the results in order.
+    pub fn eval(&self, mut input: impl FnMut(Input) -> f32) -> Vec<f32> {
+        let mut values: Vec<f32> = Vec::with_capacity(self.instrs.len());
+        for instr in &self.instrs {
+            values.push(match *instr {
+                Instr::Const(bits) => f32::from_bits(bits),
+                Instr::Input(which) => input(which),
+                Instr::Prim(prim, args) => prim.eval(args.map(|a| values[a.index()])),
+            });
+        }
+        self.results.iter().map(|r| values[r.index()]).collect()
+    }
+
+    pub(crate) fn push(&mut self, instr: Instr, range: Interval) -> Value {
+        let value = Value(u32::try_from(self.instrs.len()).expect("a tape fits in 32 bits"));
+        self.instrs.push(instr);
+        self.ranges.push(range);
+        value
+    }
+
+    pub(crate) fn set_range(&mut self, value: Value, range: Interval) {
+        self.ranges[value.index()] = range;
+    }
+
+    /// Keeps only what the given results need.
+    pub(crate) fn finish(self, results: &[Value]) -> Self {
+        let mut needed = vec![false; self.instrs.len()];
+        for r in results {
+            needed[r.index()] = true;
+        }
+        for k in (0..self.instrs.len()).rev() {
+            if needed[k] {
+                for a in self.instrs[k].operands() {
+                    needed[a.index()] = true;
+                }
+            }
+        }
+        let mut kept = Self::default();
+        let mut renamed = vec![Value(0); self.instrs.len()];
+        for (k, instr) in self.instrs.iter().enumerate().filter(|(k, _)| needed[*k]) {
+            let instr = match *instr {
+                Instr::Prim(prim, args) => {
+                    let first = renamed[args[0].index()];
+                    let mut renamed_args = [first; 4];
+                    for (new, old) in renamed_args.iter_mut().zip(instr.operands()) {
+                        *new = renamed[old.index()];
+                    }
+                    Instr::Prim(prim, renamed_args)
+                }
+                leaf @ (Instr::Const(_) | Instr::Input(_)) => leaf,
+            };
+            renamed[k] = kept.push(instr, self.ranges[k]);
+        }
+        kept.results = results.iter().map(|r| renamed[r.index()]).collect();
+        kept
+    }
+}
