@@ -2,5 +2,6 @@
 
 pub mod builder;
 pub mod feature;
+pub mod function;
 pub mod interval;
 pub mod tape;

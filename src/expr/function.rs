@@ -1,0 +1,62 @@
+//! What a row of the operator table is made of: meaning, making, range, budget.
+//!
+//! The *meaning* is exact, in f64, and total: a finite value within
+//! ±[`LIMIT`](super::builder::LIMIT) for all finite operands. The *making* emits
+//! primitives. The *range* encloses what the made code can return. The *budget*
+//! says how far the made code may be from the meaning; tests measure it, and no
+//! test has a tolerance of its own.
+
+use super::builder::Builder;
+use super::interval::Interval;
+use super::tape::Value;
+
+/// How far the `f32` result of an operator may be from its exact meaning, for
+/// operands that are exactly representable: within `ulp` units in the last
+/// place of the exact result *or* within `absolute` of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Budget {
+    /// Units in the last place (of `f32`) of the exact result.
+    pub ulp: f64,
+    /// Absolute difference, for results near a zero of the function.
+    pub absolute: f64,
+}
+
+impl Budget {
+    /// Whether `got` is near enough to `exact`.
+    pub fn allows(self, got: f32, exact: f64) -> bool {
+        let error = (f64::from(got) - exact).abs();
+        error <= self.absolute || error <= self.ulp * ulp(exact)
+    }
+}
+
+/// The spacing of `f32` at `x`.
+pub fn ulp(x: f64) -> f64 {
+    let exponent = x.abs().max(f64::from(f32::MIN_POSITIVE)).log2().floor();
+    (exponent - 23.0).exp2()
+}
+
+/// A function of one scalar.
+#[derive(Clone, Copy, Debug)]
+pub struct Unary {
+    /// The exact meaning.
+    pub meaning: fn(f64) -> f64,
+    /// Emits the function of a value.
+    pub build: fn(&mut Builder, Value) -> Value,
+    /// Encloses every result that `build`'s code gives on the operand's range.
+    pub range: fn(Interval) -> Interval,
+    /// How far apart the two may be.
+    pub budget: Budget,
+}
+
+/// A function of two scalars.
+#[derive(Clone, Copy, Debug)]
+pub struct Binary {
+    /// The exact meaning.
+    pub meaning: fn(f64, f64) -> f64,
+    /// Emits the function of two values.
+    pub build: fn(&mut Builder, Value, Value) -> Value,
+    /// Encloses every result that `build`'s code gives on the operands' ranges.
+    pub range: fn(Interval, Interval) -> Interval,
+    /// How far apart the two may be.
+    pub budget: Budget,
+}
