@@ -1,7 +1,21 @@
 //! Floor 0: the expression language. Pure: no files, no threads.
+//!
+//! [`Feature`]s and [`Op`]s are rows of two tables; everything else reads them.
+//! A [`Tree`] is an expression as people and the search handle it; a
+//! [`Tape`](tape::Tape) is the straight-line code over a dozen primitives that
+//! back ends run.
 
+pub mod arithmetic;
 pub mod builder;
+pub mod elementary;
 pub mod feature;
 pub mod function;
 pub mod interval;
+pub mod kernels;
+pub mod op;
 pub mod tape;
+pub mod tree;
+
+pub use feature::{Feature, PlaneId, Quantity};
+pub use op::{Op, Sort};
+pub use tree::{Symbol, Tree};

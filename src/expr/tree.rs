@@ -1,0 +1,392 @@
+//! Expressions as immutable trees.
+//!
+//! A [`Tree`] is kept as its symbols in postfix order: operands first, then the
+//! operator. A subtree is then a contiguous run that ends at its root, so that
+//! copying, replacing, comparing and hashing subtrees are operations on slices,
+//! and nothing recurses: a tree ten thousand levels deep is as safe as a flat
+//! one. Positions in a tree are indices into that order; the root is the last.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::feature::{Feature, PlaneId, Quantity};
+use super::op::{Form, Op, Sort};
+use super::tape::Side;
+
+/// A finite literal, compared by its bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Literal(u32);
+
+impl Literal {
+    /// The literal's value.
+    pub fn value(self) -> f32 {
+        f32::from_bits(self.0)
+    }
+}
+
+/// A node of a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Symbol {
+    /// A number.
+    Const(Literal),
+    /// A feature's variance at pixel i.
+    Variance(Feature),
+    /// A feature, an operand of a vector operator.
+    Vector(Feature),
+    /// A feature's gradient, an operand of a vector operator.
+    Gradient(Feature),
+    /// An operator.
+    Op(Op),
+}
+
+impl Symbol {
+    /// A constant. Literals must be finite: others become zero and ±the
+    /// greatest finite number, which no caller in this crate relies on.
+    pub fn constant(x: f32) -> Self {
+        let finite = if x.is_nan() { 0.0 } else { x.clamp(f32::MIN, f32::MAX) };
+        Self::Const(Literal(finite.to_bits()))
+    }
+
+    /// The symbol of a feature's quantity, if the language has it.
+    pub fn of(feature: Feature, quantity: Quantity) -> Option<Self> {
+        feature.spelling(quantity)?;
+        Some(match quantity {
+            Quantity::Value => Self::Vector(feature),
+            Quantity::Gradient => Self::Gradient(feature),
+            Quantity::Variance => Self::Variance(feature),
+        })
+    }
+
+    /// The feature quantity that the symbol reads, if it reads one.
+    pub fn reads(self) -> Option<(Feature, Quantity)> {
+        match self {
+            Self::Const(_) | Self::Op(_) => None,
+            Self::Variance(f) => Some((f, Quantity::Variance)),
+            Self::Vector(f) => Some((f, Quantity::Value)),
+            Self::Gradient(f) => Some((f, Quantity::Gradient)),
+        }
+    }
+
+    /// What the symbol stands for.
+    pub fn sort(self) -> Sort {
+        match self {
+            Self::Const(_) | Self::Variance(_) | Self::Op(_) => Sort::Scalar,
+            Self::Vector(_) | Self::Gradient(_) => Sort::Vector,
+        }
+    }
+
+    /// The operands it takes.
+    pub fn operands(self) -> &'static [Sort] {
+        match self {
+            Self::Op(op) => op.operands(),
+            Self::Const(_) | Self::Variance(_) | Self::Vector(_) | Self::Gradient(_) => &[],
+        }
+    }
+
+    /// Number of operands.
+    pub fn arity(self) -> usize {
+        self.operands().len()
+    }
+}
+
+/// A well-sorted expression. Cloning is cheap.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Tree {
+    symbols: Arc<[Symbol]>,
+}
+
+/// Why symbols in postfix order are no tree.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Malformed {
+    /// An operator lacks operands, or has one of the wrong sort.
+    #[error("symbol {at} ({symbol:?}) does not find the operands it takes")]
+    Operands {
+        /// Where in postfix order.
+        at: usize,
+        /// The operator.
+        symbol: Symbol,
+    },
+    /// More or less than one value is left at the end.
+    #[error("the symbols leave {0} expressions instead of one")]
+    Count(usize),
+}
+
+impl Tree {
+    /// A tree from its symbols in postfix order.
+    pub fn new(symbols: impl Into<Arc<[Symbol]>>) -> Result<Self, Malformed> {
+        let symbols = symbols.into();
+        let mut stack: Vec<Sort> = Vec::new();
+        for (at, &symbol) in symbols.iter().enumerate() {
+            let wanted = symbol.operands();
+            if !stack.ends_with(wanted) {
+                return Err(Malformed::Operands { at, symbol });
+            }
+            stack.truncate(stack.len() - wanted.len());
+            stack.push(symbol.sort());
+        }
+        if stack.len() == 1 { Ok(Self { symbols }) } else { Err(Malformed::Count(stack.len())) }
+    }
+
+    /// A leaf.
+    pub fn leaf(symbol: Symbol) -> Result<Self, Malformed> {
+        Self::new([symbol].as_slice())
+    }
+
+    /// A constant.
+    pub fn constant(x: f32) -> Self {
+        Self { symbols: [Symbol::constant(x)].into() }
+    }
+
+    /// An operator on operands.
+    pub fn apply(op: Op, operands: &[&Self]) -> Result<Self, Malformed> {
+        let mut symbols: Vec<Symbol> =
+            operands.iter().flat_map(|t| t.symbols.iter().copied()).collect();
+        symbols.push(Symbol::Op(op));
+        Self::new(symbols)
+    }
+
+    /// The symbols in postfix order.
+    pub fn symbols(&self) -> &[Symbol] {
+        &self.symbols
+    }
+
+    /// Number of nodes.
+    #[expect(clippy::len_without_is_empty, reason = "a tree has at least one node")]
+    pub fn len(&self) -> usize {
+        self.symbols.len()
+    }
+
+    /// The position of the root.
+    pub fn root(&self) -> usize {
+        self.symbols.len() - 1
+    }
+
+    /// What the whole tree stands for.
+    pub fn sort(&self) -> Sort {
+        self.symbols[self.root()].sort()
+    }
+
+    /// Number of levels; 1 for a leaf.
+    pub fn depth(&self) -> usize {
+        let mut stack: Vec<usize> = Vec::new();
+        for symbol in self.symbols.iter() {
+            let operands = stack.split_off(stack.len() - symbol.arity());
+            stack.push(1 + operands.into_iter().max().unwrap_or(0));
+        }
+        stack[0]
+    }
+
+    /// The run of symbols that the subtree rooted at a position takes.
+    pub fn extent(&self, position: usize) -> Range<usize> {
+        let mut start = position;
+        let mut missing = self.symbols[position].arity();
+        while missing > 0 {
+            start -= 1;
+            missing = missing - 1 + self.symbols[start].arity();
+        }
+        start..position + 1
+    }
+
+    /// The positions of the operands of the node at a position, in order.
+    pub fn operands(&self, position: usize) -> Vec<usize> {
+        let mut roots = Vec::new();
+        let mut end = position;
+        for _ in 0..self.symbols[position].arity() {
+            roots.push(end - 1);
+            end = self.extent(end - 1).start;
+        }
+        roots.reverse();
+        roots
+    }
+
+    /// The subtree rooted at a position.
+    pub fn subtree(&self, position: usize) -> Self {
+        Self { symbols: self.symbols[self.extent(position)].into() }
+    }
+
+    /// The tree with the subtree at a position replaced by another of its sort.
+    pub fn replace(&self, position: usize, by: &Self) -> Result<Self, Malformed> {
+        let extent = self.extent(position);
+        let symbols: Vec<Symbol> = self.symbols[..extent.start]
+            .iter()
+            .chain(by.symbols.iter())
+            .chain(&self.symbols[extent.end..])
+            .copied()
+            .collect();
+        Self::new(symbols)
+    }
+
+    /// The tree with one node replaced by another that takes the same operands.
+    pub fn with_symbol(&self, position: usize, symbol: Symbol) -> Result<Self, Malformed> {
+        let mut symbols = self.symbols.to_vec();
+        symbols[position] = symbol;
+        Self::new(symbols)
+    }
+
+    /// The tree with two subtrees exchanged; `None` if one holds the other.
+    pub fn swap(&self, first: usize, second: usize) -> Option<Result<Self, Malformed>> {
+        let (low, high) = (first.min(second), first.max(second));
+        let (a, b) = (self.extent(low), self.extent(high));
+        if b.start <= low {
+            return None;
+        }
+        let s = &self.symbols;
+        let symbols: Vec<Symbol> =
+            [&s[..a.start], &s[b.clone()], &s[a.end..b.start], &s[a], &s[b.end..]].concat();
+        Some(Self::new(symbols))
+    }
+
+    /// The planes that the expression reads, each once, in a fixed order.
+    pub fn planes(&self) -> Vec<PlaneId> {
+        let mut planes: Vec<PlaneId> = self
+            .symbols
+            .iter()
+            .filter_map(|s| s.reads())
+            .flat_map(|(feature, quantity)| PlaneId::of(feature, quantity))
+            .collect();
+        planes.sort_unstable();
+        planes.dedup();
+        planes
+    }
+
+    /// The exact meaning of a scalar expression for one pair of pixels.
+    ///
+    /// `read` gives a plane's value at either end of the pair.
+    ///
+    /// # Panics
+    /// If the tree is a bare vector, which has no value.
+    pub fn meaning(&self, mut read: impl FnMut(PlaneId, Side) -> f64) -> f64 {
+        enum Operand {
+            Scalar(f64),
+            Vector(Feature, Quantity),
+        }
+        let mut stack: Vec<Operand> = Vec::new();
+        for &symbol in self.symbols.iter() {
+            let operands = stack.split_off(stack.len() - symbol.arity());
+            let value = match (symbol, operands.as_slice()) {
+                (Symbol::Const(literal), _) => f64::from(literal.value()),
+                (Symbol::Variance(f), _) => {
+                    PlaneId::of(f, Quantity::Variance).map(|plane| read(plane, Side::I)).sum()
+                }
+                (Symbol::Vector(f), _) => {
+                    stack.push(Operand::Vector(f, Quantity::Value));
+                    continue;
+                }
+                (Symbol::Gradient(f), _) => {
+                    stack.push(Operand::Vector(f, Quantity::Gradient));
+                    continue;
+                }
+                (Symbol::Op(op), operands) => match (op.row().form, operands) {
+                    (Form::Unary(f), [Operand::Scalar(x)]) => (f.meaning)(*x),
+                    (Form::Binary(f), [Operand::Scalar(x), Operand::Scalar(y)]) => {
+                        (f.meaning)(*x, *y)
+                    }
+                    (Form::Vectors(f), [Operand::Vector(a, p), Operand::Vector(b, q)]) => {
+                        let pairs: Vec<(f64, f64)> = component_pairs((*a, *p), (*b, *q))
+                            .map(|(x, y)| {
+                                (
+                                    x.map_or(0.0, |plane| read(plane, Side::I)),
+                                    y.map_or(0.0, |plane| read(plane, Side::J)),
+                                )
+                            })
+                            .collect();
+                        (f.meaning)(&pairs)
+                    }
+                    (Form::Unary(_) | Form::Binary(_) | Form::Vectors(_), _) => {
+                        unreachable!("Tree::new checked the operands of {op:?}")
+                    }
+                },
+            };
+            stack.push(Operand::Scalar(value));
+        }
+        match stack.as_slice() {
+            [Operand::Scalar(x)] => *x,
+            _ => panic!("a bare vector has no value"),
+        }
+    }
+}
+
+/// Pairs the components of a vector at i with those of a vector at j; where one
+/// is narrower its missing components are zero (`None`).
+pub fn component_pairs(
+    a: (Feature, Quantity),
+    b: (Feature, Quantity),
+) -> impl Iterator<Item = (Option<PlaneId>, Option<PlaneId>)> {
+    let width = PlaneId::components(a.0, a.1).max(PlaneId::components(b.0, b.1));
+    let mut left = PlaneId::of(a.0, a.1);
+    let mut right = PlaneId::of(b.0, b.1);
+    (0..width).map(move |_| (left.next(), right.next()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn leaf(symbol: Symbol) -> Tree {
+        Tree::leaf(symbol).expect("a leaf is well-formed")
+    }
+
+    /// exp(-distance2(normal, normal)) * 2
+    fn sample() -> Tree {
+        let normal = leaf(Symbol::Vector(Feature::Normal));
+        let distance = Tree::apply(Op::Distance2, &[&normal, &normal]).unwrap();
+        let minus = Tree::apply(Op::Neg, &[&distance]).unwrap();
+        let exp = Tree::apply(Op::Exp, &[&minus]).unwrap();
+        Tree::apply(Op::Mul, &[&exp, &Tree::constant(2.0)]).unwrap()
+    }
+
+    #[test]
+    fn subtrees_are_runs_that_end_at_their_root() {
+        let tree = sample();
+        assert_eq!(tree.len(), 7);
+        assert_eq!(tree.depth(), 5);
+        assert_eq!(tree.operands(tree.root()), vec![4, 5]);
+        assert_eq!(tree.extent(4), 0..5);
+        assert_eq!(tree.subtree(2).symbols()[2], Symbol::Op(Op::Distance2));
+    }
+
+    #[test]
+    fn a_scalar_cannot_stand_for_a_vector() {
+        let tree = sample();
+        assert!(tree.replace(0, &Tree::constant(1.0)).is_err());
+        assert!(tree.with_symbol(2, Symbol::Op(Op::Add)).is_err());
+        assert!(tree.with_symbol(2, Symbol::Op(Op::Dot)).is_ok());
+    }
+
+    #[test]
+    fn swapping_never_takes_a_node_with_its_own_subtree() {
+        let tree = sample();
+        assert!(tree.swap(2, 4).is_none());
+        let swapped = tree.swap(4, 5).expect("siblings").unwrap();
+        assert_eq!(swapped.symbols()[0], Symbol::constant(2.0));
+        assert_eq!(swapped.len(), tree.len());
+        assert_eq!(swapped.swap(0, 5).unwrap().unwrap(), tree);
+    }
+
+    #[test]
+    fn the_meaning_is_the_formula() {
+        let got = sample().meaning(|plane, side| match (plane.component, side) {
+            (0, Side::I) => 1.0,
+            (1, Side::J) => 1.0,
+            _ => 0.0,
+        });
+        assert!((got - 2.0 * (-(2f64.sqrt())).exp()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_narrow_vector_is_padded_with_zeros() {
+        let depth = leaf(Symbol::Vector(Feature::Depth));
+        let normal = leaf(Symbol::Vector(Feature::Normal));
+        let distance = Tree::apply(Op::Distance1, &[&depth, &normal]).unwrap();
+        assert_eq!(distance.meaning(|_, side| if side == Side::I { 5.0 } else { 1.0 }), 6.0);
+    }
+
+    #[test]
+    fn depth_is_no_danger() {
+        let mut symbols = vec![Symbol::constant(1.0)];
+        symbols.extend(std::iter::repeat_n(Symbol::Op(Op::Neg), 100_000));
+        let tree = Tree::new(symbols).unwrap();
+        assert_eq!(tree.depth(), 100_001);
+        assert_eq!(tree.meaning(|_, _| 0.0), 1.0);
+    }
+}
