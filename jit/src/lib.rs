@@ -1,1 +1,73 @@
-//! An f32 lane assembler.
+//! An f32 lane assembler, and the loops of a windowed weighted sum around it.
+//!
+//! Someone who knows what a weight w(i, j) *is* writes it once as a [`Body`],
+//! against the instructions of [`Lanes`]; a [`Compiler`] turns it into a
+//! [`Kernel`] that runs it over a window around every pixel. This crate knows no
+//! operator and no filter, only instructions and loops.
+//!
+//! ```
+//! use tamis_jit::{Body, Border, Chains, Compiler, Job, Lanes, Layout, Rect, Window, WindowSpec};
+//!
+//! /// A Gaussian blur's weight: the same for every pixel, so a value per tap.
+//! struct Gaussian;
+//!
+//! impl Body for Gaussian {
+//!     fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
+//!         vec![lanes.tap(0)]
+//!     }
+//! }
+//!
+//! // Two planes, both summed: the picture, and the constant 1.
+//! let spec = WindowSpec { planes: 2, taps: 1, channels: 2, weights: 1, absolute: false };
+//! let kernel = Compiler::host()?.compile(spec, Chains::Four, &Gaussian)?;
+//!
+//! let layout = Layout::new(100, 50, 3);
+//! let picture = layout.plane(Border::Zero, |_, _| 0.25);
+//! let one = layout.plane(Border::Zero, |_, _| 1.0);
+//! let window = Window::square(3);
+//! let squares = |y: i32| (-3..=3).map(move |x| (x * x + y * y) as f32);
+//! let taps: Vec<f32> = (-3..=3).flat_map(squares).map(|d| (-d / 4.0).exp()).collect();
+//!
+//! let job = Job { layout, planes: &[&picture, &one], window, taps: &taps, rect: Rect::all(&layout) };
+//! let mut out = vec![0.0; kernel.output_shape(&job.rect).len()];
+//! let shape = kernel.run(&job, &mut out)?;
+//!
+//! // Blurring a constant picture leaves it as it was, at the border too.
+//! for row in 0..50 {
+//!     let sums = &out[shape.row(row, spec.result(0, 0))];
+//!     let weights = &out[shape.row(row, spec.result(0, 1))];
+//!     for (sum, weight) in sums.iter().zip(weights) {
+//!         assert!((sum / weight - 0.25).abs() < 1e-6);
+//!     }
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Where to look
+//!
+//! - [`Lanes`]: the instructions, each with its exact meaning in `f32`;
+//!   [`Scalar`] is that meaning as a program.
+//! - [`WindowSpec`]: what a kernel sums, and in which order: the bits of a result
+//!   depend on neither the number of chains nor the rectangle.
+//! - [`Layout`], [`Window`], [`Job`]: the data of a run.
+//! - [`Kernel`]: running it. Safe with any data: all that machine code relies on
+//!   is checked before it starts.
+//! - [`CompileError`], [`ShapeError`]: what can go wrong.
+
+mod call;
+mod compiler;
+mod cranelift;
+mod error;
+mod kernel;
+mod lanes;
+mod scalar;
+mod shape;
+mod window;
+
+pub use compiler::{Chains, Compiler};
+pub use error::{CompileError, ShapeError};
+pub use kernel::Kernel;
+pub use lanes::{Body, Lanes, Side};
+pub use scalar::Scalar;
+pub use shape::{Border, Job, Layout, OutputShape, Rect, Window};
+pub use window::WindowSpec;

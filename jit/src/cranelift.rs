@@ -1,0 +1,415 @@
+//! [`Lanes`] and the loops on top of Cranelift's 128-bit vectors: four lanes per
+//! chain, `N` chains side by side.
+//!
+//! A kernel waits on latency more than on throughput, so every node is emitted
+//! for all chains before the next node begins: neighbours in the instruction
+//! stream do not depend on one another. Cranelift's optimiser would undo that
+//! order, so it is off; folding and sharing are the business of whoever writes
+//! the [`Body`](crate::Body).
+//!
+//! The instructions are picked for what they become:
+//!
+//! | method       | emitted as                           | instead of                    |
+//! |--------------|--------------------------------------|-------------------------------|
+//! | min, max     | `bitselect` on `fcmp`: one `vminps`  | `fmin`: 7-8 instructions      |
+//! | select       | `bitselect` on `fcmp`: `vpblendvb`   | `bitselect` on any mask: 3    |
+//! | neg, abs     | xor, and with a constant             | `fneg`, `fabs`: 3             |
+//! | exp2i        | magic-number add and a shift         | `fcvt_to_sint_sat`: 7         |
+//!
+//! The x86-64 patterns need to see the comparison itself, which is why a mask is
+//! nothing but the result of [`Lanes::lt`].
+
+use std::array;
+use std::mem::offset_of;
+
+use cranelift_codegen::ir::condcodes::FloatCC;
+use cranelift_codegen::ir::types::{F32, F32X4, I32X4, I64};
+use cranelift_codegen::ir::{BlockArg, ConstantData, InstBuilder, MemFlagsData, Type, Value};
+use cranelift_frontend::FunctionBuilder;
+
+use crate::call::Call;
+use crate::error::CompileError;
+use crate::lanes::{Lanes, Side};
+use crate::window::{Nest, WindowSpec};
+
+/// Lanes in a vector.
+pub(crate) const LANES: usize = 4;
+
+/// Bytes in a vector and in a float.
+const VECTOR: i32 = 16;
+const FLOAT: i32 = 4;
+
+/// Addresses were checked before the call, but vectors start at any float.
+const UNALIGNED: MemFlagsData = MemFlagsData::new().with_notrap();
+
+/// One node: a vector for each of the `N` chains.
+#[derive(Clone, Copy)]
+pub(crate) struct Node<const N: usize>([Value; N]);
+
+/// The result of a comparison, all ones or all zeros in every lane.
+#[derive(Clone, Copy)]
+pub(crate) struct Mask<const N: usize>([Value; N]);
+
+/// Where the loops stand; see the table in [`call`](crate::call).
+#[derive(Clone, Copy)]
+struct Cursors {
+    pixel: Value,
+    neighbour: Value,
+    tap: Value,
+    out: Value,
+}
+
+/// Emits into one Cranelift function.
+pub(crate) struct Assembler<'f, const N: usize> {
+    builder: FunctionBuilder<'f>,
+    spec: WindowSpec,
+    call: Value,
+    planes: Value,
+    at: Cursors,
+    fault: Option<CompileError>,
+}
+
+impl<'f, const N: usize> Assembler<'f, N> {
+    /// Opens the function, whose one parameter is the address of a [`Call`].
+    pub(crate) fn new(mut builder: FunctionBuilder<'f>, spec: WindowSpec) -> Self {
+        let entry = builder.create_block();
+        builder.append_block_params_for_function_params(entry);
+        builder.switch_to_block(entry);
+        let call = builder.block_params(entry)[0];
+        let mut field = |offset| load_field(&mut builder, call, offset);
+        let planes = field(offset_of!(Call, planes));
+        let at = Cursors {
+            pixel: field(offset_of!(Call, pixel)),
+            neighbour: field(offset_of!(Call, neighbour)),
+            tap: field(offset_of!(Call, taps)),
+            out: field(offset_of!(Call, out)),
+        };
+        Self {
+            builder,
+            spec,
+            call,
+            planes,
+            at,
+            fault: None,
+        }
+    }
+
+    /// Closes the function; reports the first plane or tap value that the body
+    /// had no right to read.
+    pub(crate) fn finish(mut self) -> Result<FunctionBuilder<'f>, CompileError> {
+        self.builder.ins().return_(&[]);
+        self.builder.seal_all_blocks();
+        self.fault.map_or(Ok(self.builder), Err)
+    }
+
+    fn field(&mut self, offset: usize) -> Value {
+        load_field(&mut self.builder, self.call, offset)
+    }
+
+    /// One instruction per chain, side by side.
+    fn each(&mut self, mut emit: impl FnMut(&mut FunctionBuilder<'f>, usize) -> Value) -> Node<N> {
+        Node(array::from_fn(|chain| emit(&mut self.builder, chain)))
+    }
+
+    /// `bits` in every lane, shared by all chains.
+    fn splat(&mut self, ty: Type, bits: u32) -> Value {
+        let bytes = bits.to_le_bytes().repeat(LANES);
+        let handle = self
+            .builder
+            .func
+            .dfg
+            .constants
+            .insert(ConstantData::from(bytes));
+        self.builder.ins().vconst(ty, handle)
+    }
+
+    /// Emits a loop that runs `count` times, at least once, and passes `carried`
+    /// from one round to the next; returns what the last round passed on.
+    fn repeat(
+        &mut self,
+        count: Value,
+        carried: &[Value],
+        body: impl FnOnce(&mut Self, &[Value]) -> Vec<Value>,
+    ) -> Vec<Value> {
+        let [head, exit] = array::from_fn(|_| self.builder.create_block());
+        let mut start = vec![BlockArg::Value(count)];
+        self.builder.append_block_param(head, I64);
+        for &value in carried {
+            let ty = self.builder.func.dfg.value_type(value);
+            self.builder.append_block_param(head, ty);
+            start.push(BlockArg::Value(value));
+        }
+        self.builder.ins().jump(head, &start);
+        self.builder.switch_to_block(head);
+
+        let params = self.builder.block_params(head).to_vec();
+        let next = body(self, &params[1..]);
+
+        let left = self.builder.ins().iadd_imm_s(params[0], -1);
+        let again: Vec<_> = [left]
+            .iter()
+            .chain(&next)
+            .map(|&value| BlockArg::Value(value))
+            .collect();
+        self.builder.ins().brif(left, head, &again, exit, &[]);
+        self.builder.switch_to_block(exit);
+        next
+    }
+
+    /// `cursor` moved by a constant number of bytes.
+    fn advance(&mut self, cursor: Value, bytes: usize) -> Value {
+        self.builder.ins().iadd_imm_u(cursor, bytes as i64)
+    }
+
+    /// `cursor` moved by a number of bytes from the [`Call`].
+    fn advance_by_field(&mut self, cursor: Value, offset: usize) -> Value {
+        let bytes = self.field(offset);
+        self.builder.ins().iadd(cursor, bytes)
+    }
+
+    /// The address of a result of the chunk at hand.
+    fn result(&mut self, index: usize) -> Value {
+        let stride = self.field(offset_of!(Call, out_stride));
+        let offset = self.builder.ins().imul_imm_u(stride, index as i64);
+        self.builder.ins().iadd(self.at.out, offset)
+    }
+
+    /// Remembers the first fault and stands in for the value.
+    fn refuse(&mut self, fault: CompileError) -> Node<N> {
+        self.fault.get_or_insert(fault);
+        self.constant(0.0)
+    }
+}
+
+fn load_field(builder: &mut FunctionBuilder<'_>, call: Value, offset: usize) -> Value {
+    builder
+        .ins()
+        .load(I64, MemFlagsData::trusted(), call, offset as i32)
+}
+
+fn cast(builder: &mut FunctionBuilder<'_>, ty: Type, value: Value) -> Value {
+    builder.ins().bitcast(ty, MemFlagsData::new(), value)
+}
+
+/// `if x < y { a } else { b }`, in the form that becomes one instruction where
+/// there is one.
+fn choose(builder: &mut FunctionBuilder<'_>, mask: Value, a: Value, b: Value) -> Value {
+    let mask = cast(builder, F32X4, mask);
+    builder.ins().bitselect(mask, a, b)
+}
+
+impl<const N: usize> Lanes for Assembler<'_, N> {
+    type F = Node<N>;
+    type M = Mask<N>;
+
+    fn constant(&mut self, value: f32) -> Node<N> {
+        Node([self.splat(F32X4, value.to_bits()); N])
+    }
+
+    fn plane(&mut self, index: usize, side: Side) -> Node<N> {
+        let planes = self.spec.planes;
+        if index >= planes {
+            return self.refuse(CompileError::Plane { index, planes });
+        }
+        let offset = match side {
+            Side::I => self.at.pixel,
+            Side::J => self.at.neighbour,
+        };
+        let entry = (index * size_of::<*const f32>()) as i32;
+        let flags = MemFlagsData::trusted();
+        let plane = self.builder.ins().load(I64, flags, self.planes, entry);
+        let address = self.builder.ins().iadd(plane, offset);
+        self.each(|b, chain| {
+            let place = chain as i32 * VECTOR;
+            b.ins().load(F32X4, UNALIGNED, address, place)
+        })
+    }
+
+    fn tap(&mut self, index: usize) -> Node<N> {
+        let taps = self.spec.taps;
+        if index >= taps {
+            return self.refuse(CompileError::Tap { index, taps });
+        }
+        let place = index as i32 * FLOAT;
+        let value = self.builder.ins().load(F32, UNALIGNED, self.at.tap, place);
+        Node([self.builder.ins().splat(F32X4, value); N])
+    }
+
+    fn neg(&mut self, x: Node<N>) -> Node<N> {
+        let sign = self.splat(F32X4, 0x8000_0000);
+        self.each(|b, k| b.ins().bxor(x.0[k], sign))
+    }
+
+    fn abs(&mut self, x: Node<N>) -> Node<N> {
+        let magnitude = self.splat(F32X4, 0x7fff_ffff);
+        self.each(|b, k| b.ins().band(x.0[k], magnitude))
+    }
+
+    fn sqrt(&mut self, x: Node<N>) -> Node<N> {
+        self.each(|b, k| b.ins().sqrt(x.0[k]))
+    }
+
+    fn round(&mut self, x: Node<N>) -> Node<N> {
+        self.each(|b, k| b.ins().nearest(x.0[k]))
+    }
+
+    fn exp2i(&mut self, x: Node<N>) -> Node<N> {
+        let magic = self.constant(12_583_039.0);
+        let biased = self.add(x, magic);
+        self.each(|b, k| {
+            let bits = cast(b, I32X4, biased.0[k]);
+            let bits = b.ins().ishl_imm_u(bits, 23);
+            cast(b, F32X4, bits)
+        })
+    }
+
+    fn exponent(&mut self, x: Node<N>) -> Node<N> {
+        let bias = self.splat(I32X4, 127);
+        // Shifting the sign out at the top saves the mask.
+        let field = self.each(|b, k| {
+            let bits = cast(b, I32X4, x.0[k]);
+            let bits = b.ins().ishl_imm_u(bits, 1);
+            b.ins().ushr_imm_u(bits, 24)
+        });
+        self.each(|b, k| {
+            let unbiased = b.ins().isub(field.0[k], bias);
+            b.ins().fcvt_from_sint(F32X4, unbiased)
+        })
+    }
+
+    fn mantissa(&mut self, x: Node<N>) -> Node<N> {
+        let field = self.splat(F32X4, 0x007f_ffff);
+        let one = self.constant(1.0).0[0];
+        let bits = self.each(|b, k| b.ins().band(x.0[k], field));
+        self.each(|b, k| b.ins().bor(bits.0[k], one))
+    }
+
+    fn add(&mut self, x: Node<N>, y: Node<N>) -> Node<N> {
+        self.each(|b, k| b.ins().fadd(x.0[k], y.0[k]))
+    }
+
+    fn sub(&mut self, x: Node<N>, y: Node<N>) -> Node<N> {
+        self.each(|b, k| b.ins().fsub(x.0[k], y.0[k]))
+    }
+
+    fn mul(&mut self, x: Node<N>, y: Node<N>) -> Node<N> {
+        self.each(|b, k| b.ins().fmul(x.0[k], y.0[k]))
+    }
+
+    fn div(&mut self, x: Node<N>, y: Node<N>) -> Node<N> {
+        self.each(|b, k| b.ins().fdiv(x.0[k], y.0[k]))
+    }
+
+    fn min(&mut self, x: Node<N>, y: Node<N>) -> Node<N> {
+        self.each(|b, k| {
+            let less = b.ins().fcmp(FloatCC::LessThan, x.0[k], y.0[k]);
+            choose(b, less, x.0[k], y.0[k])
+        })
+    }
+
+    fn max(&mut self, x: Node<N>, y: Node<N>) -> Node<N> {
+        self.each(|b, k| {
+            let greater = b.ins().fcmp(FloatCC::LessThan, y.0[k], x.0[k]);
+            choose(b, greater, x.0[k], y.0[k])
+        })
+    }
+
+    fn fma(&mut self, x: Node<N>, y: Node<N>, z: Node<N>) -> Node<N> {
+        self.each(|b, k| b.ins().fma(x.0[k], y.0[k], z.0[k]))
+    }
+
+    fn lt(&mut self, x: Node<N>, y: Node<N>) -> Mask<N> {
+        Mask(
+            self.each(|b, k| b.ins().fcmp(FloatCC::LessThan, x.0[k], y.0[k]))
+                .0,
+        )
+    }
+
+    fn select(&mut self, mask: Mask<N>, x: Node<N>, y: Node<N>) -> Node<N> {
+        self.each(|b, k| choose(b, mask.0[k], x.0[k], y.0[k]))
+    }
+}
+
+/// Every loop moves its cursors on and puts them back where it found them, but
+/// for the tap's, which runs on from one row of taps into the next.
+impl<const N: usize> Nest for Assembler<'_, N> {
+    fn for_chunks(&mut self, body: impl FnOnce(&mut Self)) {
+        let start = self.at;
+        let step = N * LANES * size_of::<f32>();
+        let count = self.field(offset_of!(Call, chunks));
+        let carried = [start.pixel, start.neighbour, start.out];
+        self.repeat(count, &carried, |asm, at| {
+            asm.at = Cursors {
+                pixel: at[0],
+                neighbour: at[1],
+                out: at[2],
+                ..start
+            };
+            body(asm);
+            at.iter().map(|&cursor| asm.advance(cursor, step)).collect()
+        });
+        self.at = start;
+    }
+
+    fn for_rows(&mut self, body: impl FnOnce(&mut Self)) {
+        let start = self.at;
+        let count = self.field(offset_of!(Call, rows));
+        self.repeat(count, &[start.neighbour, start.tap], |asm, at| {
+            asm.at.neighbour = at[0];
+            asm.at.tap = at[1];
+            body(asm);
+            let below = asm.advance_by_field(at[0], offset_of!(Call, row_step));
+            vec![below, asm.at.tap]
+        });
+        self.at = start;
+    }
+
+    fn fold_columns(
+        &mut self,
+        start: Vec<Node<N>>,
+        step: impl FnOnce(&mut Self, &[Node<N>]) -> Vec<Node<N>>,
+    ) -> Vec<Node<N>> {
+        let row = self.at;
+        let tap_bytes = self.spec.taps * size_of::<f32>();
+        let count = self.field(offset_of!(Call, columns));
+        let mut carried = vec![row.neighbour, row.tap];
+        carried.extend(start.iter().flat_map(|node| node.0));
+        let last = self.repeat(count, &carried, |asm, at| {
+            asm.at.neighbour = at[0];
+            asm.at.tap = at[1];
+            let next = step(asm, &nodes(&at[2..]));
+            let mut carried = vec![
+                asm.advance_by_field(at[0], offset_of!(Call, column_step)),
+                asm.advance(at[1], tap_bytes),
+            ];
+            carried.extend(next.iter().flat_map(|node| node.0));
+            carried
+        });
+        self.at = Cursors {
+            tap: last[1],
+            ..row
+        };
+        nodes(&last[2..])
+    }
+
+    fn load_result(&mut self, index: usize) -> Node<N> {
+        let address = self.result(index);
+        self.each(|b, k| b.ins().load(F32X4, UNALIGNED, address, k as i32 * VECTOR))
+    }
+
+    fn store_result(&mut self, index: usize, value: Node<N>) {
+        let address = self.result(index);
+        for (k, &value) in value.0.iter().enumerate() {
+            let place = k as i32 * VECTOR;
+            self.builder.ins().store(UNALIGNED, value, address, place);
+        }
+    }
+}
+
+/// The nodes that were flattened into `values`.
+fn nodes<const N: usize>(values: &[Value]) -> Vec<Node<N>> {
+    values
+        .chunks_exact(N)
+        .map(|chunk| Node(array::from_fn(|chain| chunk[chain])))
+        .collect()
+}

@@ -1,0 +1,186 @@
+//! A compiled kernel: executable memory and the only `unsafe` of the project.
+//!
+//! Each kernel has memory of its own, written first and only then made
+//! executable, never both at once. It is given back when the kernel is dropped;
+//! a process can compile and drop without end. Kernels that are alive at the
+//! same time cost at least a page and one mapping each, of which systems allow
+//! some tens of thousands.
+
+use std::fmt;
+use std::sync::Mutex;
+
+use cranelift_codegen::Context;
+use cranelift_codegen::isa::OwnedTargetIsa;
+use cranelift_jit::{JITBuilder, JITModule};
+use cranelift_module::{Module, ModuleError, default_libcall_names};
+
+use crate::call::Call;
+use crate::error::{CompileError, ShapeError};
+use crate::shape::{Job, OutputShape, Rect};
+use crate::window::WindowSpec;
+
+/// The convention is [`Call`]'s: one row of output pixels per call.
+type Entry = unsafe extern "C" fn(*const Call);
+
+/// Machine code for one [`WindowSpec`] and one [`Body`](crate::Body).
+///
+/// Threads can run one kernel at the same time, on rectangles of their own.
+pub struct Kernel {
+    entry: Entry,
+    spec: WindowSpec,
+    step: usize,
+    code_bytes: usize,
+    /// Holds what `entry` points to.
+    _memory: Memory,
+}
+
+impl Kernel {
+    /// Compiles the function in `context`, which follows the convention of
+    /// [`Call`] for `spec` and `step`, and puts it into executable memory.
+    pub(crate) fn install(
+        isa: OwnedTargetIsa,
+        mut context: Context,
+        spec: WindowSpec,
+        step: usize,
+    ) -> Result<Self, CompileError> {
+        let builder = JITBuilder::with_isa(isa, default_libcall_names());
+        let mut memory = Memory::new(JITModule::new(builder));
+        let module = memory.module();
+        let id = module
+            .declare_anonymous_function(&context.func.signature)
+            .map_err(generator)?;
+        module
+            .define_function(id, &mut context)
+            .map_err(generator)?;
+        let code = context
+            .compiled_code()
+            .expect("the function was just compiled");
+        if !code.buffer.relocs().is_empty() {
+            let why = "an instruction became a library call".to_owned();
+            return Err(CompileError::Generator(why));
+        }
+        let code_bytes = code.code_buffer().len();
+        module.finalize_definitions().map_err(generator)?;
+        let address = module.get_finalized_function(id);
+        // SAFETY: `address` is the start of a finished function whose signature
+        // is `Entry`: one pointer in the host's C convention, no result.
+        let entry = unsafe { std::mem::transmute::<*const u8, Entry>(address) };
+        Ok(Self {
+            entry,
+            spec,
+            step,
+            code_bytes,
+            _memory: memory,
+        })
+    }
+
+    /// What it was compiled for.
+    pub fn spec(&self) -> &WindowSpec {
+        &self.spec
+    }
+
+    /// Pixels per step.
+    pub fn step(&self) -> usize {
+        self.step
+    }
+
+    /// The size of the machine code, constants included.
+    pub fn code_bytes(&self) -> usize {
+        self.code_bytes
+    }
+
+    /// The shape of the output buffer for `rect`.
+    pub fn output_shape(&self, rect: &Rect) -> OutputShape {
+        OutputShape::new(rect, &self.spec, self.step)
+    }
+
+    /// Computes all results of `job`'s rectangle into `out`, and says how they
+    /// lie there.
+    ///
+    /// # Errors
+    ///
+    /// A [`ShapeError`] where the data do not fit the kernel or one another;
+    /// then nothing was read or written.
+    pub fn run(&self, job: &Job<'_>, out: &mut [f32]) -> Result<OutputShape, ShapeError> {
+        const FLOAT: usize = size_of::<f32>();
+        let shape = job.check(&self.spec, self.step, out.len())?;
+        if shape.columns == 0 {
+            return Ok(shape);
+        }
+        let planes: Vec<*const f32> = job.planes.iter().map(|plane| plane.as_ptr()).collect();
+        let [radius, _] = job.window.radius;
+        let [across, down] = job.window.dilation;
+        // A step of the image's height leaves it from any row, like any larger one.
+        let down = down.min(job.layout.height);
+        let tap_row = (2 * radius + 1) * self.spec.taps;
+        for (row, y) in job.rect.y.clone().enumerate() {
+            let (above, below) = job.rows_inside(y);
+            let top = job.layout.index(job.rect.x.start, y - above * down);
+            // Rows of taps that fall off the top are skipped in the table too.
+            let skipped = match self.spec.taps {
+                0 => 0,
+                _ => (job.window.radius[1] - above) * tap_row,
+            };
+            let call = Call {
+                planes: planes.as_ptr(),
+                taps: job.taps[skipped..].as_ptr(),
+                out: out[shape.row(row, 0).start..].as_mut_ptr(),
+                out_stride: shape.stride * FLOAT,
+                pixel: job.layout.index(job.rect.x.start, y) * FLOAT,
+                neighbour: (top - radius * across) * FLOAT,
+                chunks: shape.stride / self.step,
+                rows: above + 1 + below,
+                row_step: down * job.layout.stride * FLOAT,
+                columns: 2 * radius + 1,
+                column_step: across * FLOAT,
+            };
+            // SAFETY: `Job::check` held for this spec and step, so every address
+            // that the code reaches from `call` lies inside `job.planes`,
+            // `job.taps` or `out`; all are borrowed, and `out` exclusively. The
+            // code is alive because `self` owns its memory.
+            unsafe { (self.entry)(&raw const call) };
+        }
+        Ok(shape)
+    }
+}
+
+impl fmt::Debug for Kernel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Kernel")
+            .field("spec", &self.spec)
+            .field("step", &self.step)
+            .field("code_bytes", &self.code_bytes)
+            .finish_non_exhaustive()
+    }
+}
+
+fn generator(error: ModuleError) -> CompileError {
+    CompileError::Generator(error.to_string())
+}
+
+/// A module that frees its memory when dropped; on its own it would leak it.
+///
+/// The mutex is never locked. It makes the module shareable between threads,
+/// none of which touches it before the last owner drops it.
+struct Memory(Mutex<Option<JITModule>>);
+
+impl Memory {
+    fn new(module: JITModule) -> Self {
+        Self(Mutex::new(Some(module)))
+    }
+
+    fn module(&mut self) -> &mut JITModule {
+        let slot = self.0.get_mut().expect("never locked, so never poisoned");
+        slot.as_mut().expect("taken by drop alone")
+    }
+}
+
+impl Drop for Memory {
+    fn drop(&mut self) {
+        if let Ok(Some(module)) = self.0.get_mut().map(Option::take) {
+            // SAFETY: the kernel that owns this memory is being dropped, and no
+            // pointer to its code was ever given away: none can run any more.
+            unsafe { module.free_memory() };
+        }
+    }
+}

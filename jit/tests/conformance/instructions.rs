@@ -1,0 +1,182 @@
+//! Every instruction on the values where it could go wrong.
+//!
+//! A sum hides the sign of a zero, so each program also returns the reciprocal
+//! of its result, which is an infinity of the same sign.
+
+use tamis_jit::{Job, Layout, Rect, Side, Window, WindowSpec};
+
+use crate::program::{Node, Program};
+use crate::reference::assert_agrees;
+
+/// `value` and the floats next to it, of both signs.
+fn around(value: f32) -> [f32; 6] {
+    let bits = value.to_bits();
+    let [below, above] = [bits.saturating_sub(1), bits + 1].map(f32::from_bits);
+    [below, value, above, -below, -value, -above]
+}
+
+/// Zeros, subnormals, breakpoints, limits.
+fn probes() -> Vec<f32> {
+    let centres = [
+        f32::from_bits(1),
+        f32::MIN_POSITIVE,
+        f32::EPSILON,
+        0.1,
+        0.5,
+        1.0,
+        1.5,
+        2.0,
+        2.5,
+        3.0,
+        126.0,
+        127.0,
+        4_194_303.5,
+        8_388_607.5,
+        8_388_608.0,
+        12_583_039.0,
+        16_777_216.0,
+        1e20,
+        f32::MAX,
+    ];
+    let mut probes: Vec<f32> = centres.into_iter().flat_map(around).collect();
+    probes.push(f32::NAN);
+    probes
+}
+
+/// Runs `nodes` on tuples of values: operand k of every tuple is node k.
+fn check(tuples: &[[f32; 3]], node: Node) {
+    let layout = Layout::new(tuples.len(), 1, 0);
+    let one = vec![1.0; layout.stride];
+    let operands: Vec<Vec<f32>> = (0..3)
+        .map(|k| {
+            let mut plane: Vec<f32> = tuples.iter().map(|tuple| tuple[k]).collect();
+            plane.resize(layout.stride, 0.0);
+            plane
+        })
+        .collect();
+    let program = Program {
+        nodes: vec![
+            Node::Plane(1, Side::I),
+            Node::Plane(2, Side::J),
+            Node::Plane(3, Side::J),
+            Node::Constant(1.0),
+            node,
+            Node::Div(3, 4),
+            Node::Abs(4),
+            Node::Add(4, 3),
+        ],
+        weights: 4,
+    };
+    // The last four nodes are weights: what is under test, its reciprocal, and
+    // two uses that invite a code generator to merge it with what follows.
+    let spec = WindowSpec {
+        planes: 4,
+        taps: 0,
+        channels: 1,
+        weights: 4,
+        absolute: false,
+    };
+    let job = Job {
+        layout,
+        planes: &[&one, &operands[0], &operands[1], &operands[2]],
+        window: Window::square(0),
+        taps: &[],
+        rect: Rect::all(&layout),
+    };
+    assert_agrees(spec, &program, &job);
+}
+
+fn singles(values: &[f32]) -> Vec<[f32; 3]> {
+    values.iter().map(|&x| [x, 0.0, 0.0]).collect()
+}
+
+fn pairs() -> Vec<[f32; 3]> {
+    let probes = probes();
+    let pair = |&x: &f32| probes.iter().map(move |&y| [x, y, 0.0]).collect::<Vec<_>>();
+    probes.iter().flat_map(pair).collect()
+}
+
+#[test]
+fn one_operand() {
+    let tuples = singles(&probes());
+    for node in [
+        Node::Neg(0),
+        Node::Abs(0),
+        Node::Sqrt(0),
+        Node::Round(0),
+        Node::Exp2i(0),
+        Node::Exponent(0),
+        Node::Mantissa(0),
+    ] {
+        check(&tuples, node);
+    }
+}
+
+#[test]
+fn round_breaks_ties_to_even() {
+    let ties: Vec<f32> = (-200..200).map(|n| n as f32 + 0.5).collect();
+    check(&singles(&ties), Node::Round(0));
+}
+
+#[test]
+fn exp2i_over_its_whole_domain() {
+    let whole: Vec<f32> = (-127..=127).map(|n| n as f32).collect();
+    check(&singles(&whole), Node::Exp2i(0));
+}
+
+#[test]
+fn exponent_and_mantissa_of_every_binade() {
+    let powers: Vec<f32> = (0..=0xff)
+        .map(|e| f32::from_bits((e << 23) | 0x12_3456))
+        .collect();
+    check(&singles(&powers), Node::Exponent(0));
+    check(&singles(&powers), Node::Mantissa(0));
+}
+
+#[test]
+fn two_operands() {
+    let tuples = pairs();
+    for node in [
+        Node::Add(0, 1),
+        Node::Sub(0, 1),
+        Node::Mul(0, 1),
+        Node::Div(0, 1),
+        Node::Min(0, 1),
+        Node::Max(0, 1),
+        Node::Select(0, 1, 3, 0),
+    ] {
+        check(&tuples, node);
+    }
+}
+
+#[test]
+fn select_moves_bits() {
+    let mut tuples = pairs();
+    for (n, tuple) in tuples.iter_mut().enumerate() {
+        tuple[2] = [-0.0, f32::NAN, 1e-45, f32::INFINITY][n % 4];
+    }
+    check(&tuples, Node::Select(0, 1, 2, 0));
+    // The shapes of min and max, which may become those instructions.
+    check(&tuples, Node::Select(0, 1, 0, 1));
+    check(&tuples, Node::Select(0, 1, 1, 0));
+}
+
+#[test]
+fn fma_rounds_once() {
+    let probes = probes();
+    let mut tuples = Vec::new();
+    for (n, &x) in probes.iter().enumerate() {
+        for &y in probes.iter().skip(n % 3).step_by(3) {
+            // -(x × y) rounded: what is left is the error of the product.
+            tuples.extend([x * -y, 1.0, -f32::MIN_POSITIVE, 1e30].map(|z| [x, y, z]));
+        }
+    }
+    check(&tuples, Node::Fma(0, 1, 2));
+}
+
+#[test]
+fn constants_keep_their_bits() {
+    for value in probes() {
+        check(&singles(&[0.0; 5]), Node::Constant(value));
+    }
+}

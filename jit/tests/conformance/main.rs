@@ -1,0 +1,7 @@
+//! Compiled kernels against the plain meaning of what they compute, bit for bit.
+
+mod instructions;
+mod program;
+mod random;
+mod reference;
+mod windows;

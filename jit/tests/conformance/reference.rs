@@ -1,0 +1,84 @@
+//! The windowed sum as plain loops over [`Scalar`] lanes.
+
+use tamis_jit::{Body, Chains, Compiler, Job, Scalar, WindowSpec};
+
+/// All results of one pixel, in the order of [`WindowSpec::result`].
+fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize) -> Vec<f32> {
+    let [rx, ry] = job.window.radius.map(|radius| radius as isize);
+    let [step_x, step_y] = job.window.dilation.map(|step| step as isize);
+    let (layout, taps) = (job.layout, spec.taps);
+    let at = |column: isize, row: usize| -> Vec<f32> {
+        let index = row * layout.stride + (layout.pad as isize + column) as usize;
+        job.planes.iter().map(|plane| plane[index]).collect()
+    };
+    let i = at(x as isize, y);
+    let mut sums = vec![0.0f32; spec.results()];
+    let mut first = 0;
+    for v in -ry..=ry {
+        let row = y as isize + v * step_y;
+        let mut partials = vec![0.0f32; spec.results()];
+        for u in -rx..=rx {
+            let tap = &job.taps[first..first + taps];
+            first += taps;
+            if !(0..layout.height as isize).contains(&row) {
+                continue;
+            }
+            let j = at(x as isize + u * step_x, row as usize);
+            let weights = body.emit(&mut Scalar { i: &i, j: &j, tap });
+            for (k, weight) in weights.into_iter().enumerate() {
+                for c in 0..spec.channels {
+                    let p = &mut partials[spec.result(k, c)];
+                    *p = weight.mul_add(j[c], *p);
+                }
+                if spec.absolute {
+                    let p = &mut partials[spec.result(k, spec.channels)];
+                    *p = weight.abs().mul_add(j[spec.channels - 1], *p);
+                }
+            }
+        }
+        if (0..layout.height as isize).contains(&row) {
+            for (sum, partial) in sums.iter_mut().zip(partials) {
+                *sum += partial;
+            }
+        }
+    }
+    sums
+}
+
+/// Bits, with all NaNs made one: their payload is not part of the promise.
+fn bits(value: f32) -> u32 {
+    if value.is_nan() {
+        f32::NAN.to_bits()
+    } else {
+        value.to_bits()
+    }
+}
+
+/// Compiles `body` for every number of chains, runs it on `job`, and compares
+/// every result of every pixel with the reference.
+pub(crate) fn assert_agrees<B: Body>(spec: WindowSpec, body: &B, job: &Job<'_>) {
+    let compiler = Compiler::host().expect("the tests need a host with FMA");
+    let expected: Vec<Vec<f32>> = job
+        .rect
+        .y
+        .clone()
+        .flat_map(|y| job.rect.x.clone().map(move |x| (x, y)))
+        .map(|(x, y)| pixel(&spec, body, job, x, y))
+        .collect();
+    for chains in Chains::ALL {
+        let kernel = compiler.compile(spec, chains, body).expect("compiles");
+        let mut out = vec![f32::NAN; kernel.output_shape(&job.rect).len()];
+        let shape = kernel.run(job, &mut out).expect("fits");
+        for (n, sums) in expected.iter().enumerate() {
+            let (row, column) = (n / shape.columns, n % shape.columns);
+            for (result, &sum) in sums.iter().enumerate() {
+                let found = out[shape.row(row, result)][column];
+                assert_eq!(
+                    bits(found),
+                    bits(sum),
+                    "{chains:?}, row {row}, column {column}, result {result}: {found:e}, not {sum:e}"
+                );
+            }
+        }
+    }
+}

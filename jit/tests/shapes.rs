@@ -1,0 +1,288 @@
+//! Data that do not fit, and bodies that do not keep their word, are refused.
+
+use tamis_jit::{
+    Body, Border, Chains, CompileError, Compiler, Job, Kernel, Lanes, Layout, Rect, ShapeError,
+    Side, Window, WindowSpec,
+};
+
+const SPEC: WindowSpec = WindowSpec {
+    planes: 2,
+    taps: 1,
+    channels: 1,
+    weights: 1,
+    absolute: false,
+};
+
+/// Reads `plane` and tap value `tap`, and returns `weights` copies of the sum.
+struct Reads {
+    plane: usize,
+    tap: usize,
+    weights: usize,
+}
+
+const HONEST: Reads = Reads {
+    plane: 1,
+    tap: 0,
+    weights: 1,
+};
+
+impl Body for Reads {
+    fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
+        let (feature, tap) = (lanes.plane(self.plane, Side::J), lanes.tap(self.tap));
+        vec![lanes.add(feature, tap); self.weights]
+    }
+}
+
+fn compile(spec: WindowSpec, body: &impl Body) -> Result<Kernel, CompileError> {
+    Compiler::host()
+        .expect("the tests need a host with FMA")
+        .compile(spec, Chains::Two, body)
+}
+
+/// Runs an honest kernel on data that fit but for what `change` does to them.
+fn run(change: impl FnOnce(&mut Job<'_>, &mut Vec<f32>)) -> Result<Vec<f32>, ShapeError> {
+    let kernel = compile(SPEC, &HONEST).expect("compiles");
+    let layout = Layout::new(20, 10, 2);
+    let plane = layout.plane(Border::Zero, |_, _| 1.0);
+    let taps = vec![0.0; 25];
+    let mut job = Job {
+        layout,
+        planes: &[&plane, &plane],
+        window: Window::square(2),
+        taps: &taps,
+        rect: Rect { x: 2..18, y: 1..9 },
+    };
+    let mut out = vec![-1.0; kernel.output_shape(&job.rect).len()];
+    change(&mut job, &mut out);
+    kernel.run(&job, &mut out).map(|_| out)
+}
+
+#[test]
+fn data_that_fit_are_taken() {
+    let out = run(|_, _| {}).expect("fits");
+    // 5 × 5 taps less the row above the image; the right border is far away.
+    assert_eq!(out[..16], [vec![20.0; 16]].concat());
+}
+
+#[test]
+fn an_empty_rectangle_computes_nothing() {
+    for rect in [
+        Rect { x: 7..7, y: 1..9 },
+        Rect {
+            x: 2..18,
+            y: 10..10,
+        },
+    ] {
+        let out = run(|job, out| {
+            job.rect = rect;
+            out.clear();
+        });
+        assert_eq!(out, Ok(Vec::new()));
+    }
+}
+
+#[test]
+fn wrong_planes() {
+    let few = run(|job, _| job.planes = &job.planes[..1]);
+    assert_eq!(
+        few,
+        Err(ShapeError::PlaneCount {
+            expected: 2,
+            found: 1
+        })
+    );
+    let short = run(|job, _| job.planes = &[&[0.0; 3000], &[0.0; 10]]);
+    assert!(matches!(
+        short,
+        Err(ShapeError::PlaneLength {
+            index: 1,
+            found: 10,
+            ..
+        })
+    ));
+}
+
+#[test]
+fn wrong_layouts() {
+    // One value short of width + 2 × pad + step - 1.
+    let narrow = run(|job, _| job.layout.stride = 20 + 4 + 6);
+    assert_eq!(
+        narrow,
+        Err(ShapeError::Stride {
+            expected: 31,
+            found: 30
+        })
+    );
+    let tall = run(|job, _| job.layout.height = usize::MAX);
+    assert!(matches!(tall, Err(ShapeError::Size { .. })));
+    for field in [
+        |layout: &mut Layout| layout.width = usize::MAX,
+        |layout: &mut Layout| layout.pad = usize::MAX / 2,
+        |layout: &mut Layout| (layout.stride, layout.pad) = (usize::MAX, usize::MAX),
+    ] {
+        let huge = run(|job, _| field(&mut job.layout));
+        assert!(matches!(huge, Err(ShapeError::Stride { .. })), "{huge:?}");
+    }
+}
+
+#[test]
+fn wrong_windows() {
+    let wide = run(|job, _| job.window.radius[0] = 3);
+    assert_eq!(wide, Err(ShapeError::Reach { reach: 3, pad: 2 }));
+    let spread = run(|job, _| job.window.dilation[0] = 2);
+    assert_eq!(spread, Err(ShapeError::Reach { reach: 4, pad: 2 }));
+    let huge = run(|job, _| job.window.radius = [usize::MAX; 2]);
+    assert!(matches!(huge, Err(ShapeError::Reach { .. })));
+    let still = run(|job, _| job.window.dilation[1] = 0);
+    assert_eq!(still, Err(ShapeError::Dilation));
+    for rows in [1, usize::MAX] {
+        let other = run(|job, _| job.window.radius[1] = rows);
+        assert!(matches!(other, Err(ShapeError::TapCount { found: 25, .. })));
+    }
+    let few = run(|job, _| job.taps = &job.taps[1..]);
+    assert_eq!(
+        few,
+        Err(ShapeError::TapCount {
+            expected: 25,
+            found: 24
+        })
+    );
+}
+
+#[test]
+fn a_dilation_beyond_the_image_leaves_the_centre_row() {
+    let out = run(|job, _| job.window.dilation[1] = usize::MAX).expect("fits");
+    assert_eq!(out[..16], [5.0; 16]);
+}
+
+#[test]
+#[expect(clippy::reversed_empty_ranges, reason = "they are what is tested")]
+fn wrong_rectangles() {
+    for (x, y) in [
+        (2..21, 1..9),
+        (2..18, 1..11),
+        (9..8, 1..9),
+        (2..18, 9..8),
+        (usize::MAX..usize::MAX, 1..9),
+    ] {
+        let found = run(|job, _| job.rect = Rect { x, y });
+        assert!(
+            matches!(
+                found,
+                Err(ShapeError::Rect {
+                    width: 20,
+                    height: 10,
+                    ..
+                })
+            ),
+            "{found:?}"
+        );
+    }
+}
+
+#[test]
+fn wrong_outputs() {
+    for length in [0, 127, 129] {
+        let found = run(|_, out| out.resize(length, 0.0));
+        assert_eq!(
+            found,
+            Err(ShapeError::Output {
+                expected: 128,
+                found: length
+            })
+        );
+    }
+}
+
+#[test]
+fn bodies_that_reach_too_far() {
+    let plane = compile(SPEC, &Reads { plane: 2, ..HONEST });
+    assert!(matches!(
+        plane,
+        Err(CompileError::Plane {
+            index: 2,
+            planes: 2
+        })
+    ));
+    let tap = compile(
+        SPEC,
+        &Reads {
+            tap: usize::MAX,
+            ..HONEST
+        },
+    );
+    assert!(matches!(
+        tap,
+        Err(CompileError::Tap {
+            index: usize::MAX,
+            taps: 1
+        })
+    ));
+    for found in [0, 2] {
+        let weights = compile(
+            SPEC,
+            &Reads {
+                weights: found,
+                ..HONEST
+            },
+        );
+        assert!(
+            matches!(weights, Err(CompileError::Weights { expected: 1, found: n }) if n == found)
+        );
+    }
+}
+
+#[test]
+fn specifications_out_of_range() {
+    let huge = WindowSpec::LIMIT + 1;
+    for spec in [
+        WindowSpec { planes: 0, ..SPEC },
+        WindowSpec {
+            planes: huge,
+            ..SPEC
+        },
+        WindowSpec { taps: huge, ..SPEC },
+        WindowSpec { weights: 0, ..SPEC },
+        WindowSpec {
+            weights: usize::MAX,
+            absolute: true,
+            ..SPEC
+        },
+    ] {
+        assert!(
+            matches!(compile(spec, &HONEST), Err(CompileError::Spec { .. })),
+            "{spec:?}"
+        );
+    }
+    for channels in [0, 3] {
+        let spec = WindowSpec {
+            channels,
+            absolute: true,
+            ..SPEC
+        };
+        assert!(matches!(
+            compile(spec, &HONEST),
+            Err(CompileError::Channels { planes: 2, .. })
+        ));
+    }
+}
+
+#[test]
+fn a_panic_costs_one_kernel() {
+    struct Panics;
+    impl Body for Panics {
+        fn emit<L: Lanes>(&self, _: &mut L) -> Vec<L::F> {
+            panic!("no weight today")
+        }
+    }
+    let found = compile(SPEC, &Panics);
+    assert!(matches!(found, Err(CompileError::Panic(why)) if why == "no weight today"));
+    assert!(compile(SPEC, &HONEST).is_ok());
+}
+
+#[test]
+fn kernels_are_shared_between_threads() {
+    fn shared<T: Send + Sync>() {}
+    shared::<Kernel>();
+    shared::<Compiler>();
+}
