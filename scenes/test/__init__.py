@@ -1,0 +1,1 @@
+"""Scenes held back for testing; one module per scene."""

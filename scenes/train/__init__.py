@@ -1,0 +1,1 @@
+"""Scenes that the search is trained on; one module per scene."""
