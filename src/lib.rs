@@ -1,4 +1,7 @@
 #![forbid(unsafe_code)]
 //! Analytic filters for Monte Carlo noise.
 
+pub mod backend;
 pub mod expr;
+pub mod plan;
+pub mod scene;

@@ -84,14 +84,7 @@ impl<'f, const N: usize> Assembler<'f, N> {
             tap: field(offset_of!(Call, taps)),
             out: field(offset_of!(Call, out)),
         };
-        Self {
-            builder,
-            spec,
-            call,
-            planes,
-            at,
-            fault: None,
-        }
+        Self { builder, spec, call, planes, at, fault: None }
     }
 
     /// Closes the function; reports the first plane or tap value that the body
@@ -114,12 +107,7 @@ impl<'f, const N: usize> Assembler<'f, N> {
     /// `bits` in every lane, shared by all chains.
     fn splat(&mut self, ty: Type, bits: u32) -> Value {
         let bytes = bits.to_le_bytes().repeat(LANES);
-        let handle = self
-            .builder
-            .func
-            .dfg
-            .constants
-            .insert(ConstantData::from(bytes));
+        let handle = self.builder.func.dfg.constants.insert(ConstantData::from(bytes));
         self.builder.ins().vconst(ty, handle)
     }
 
@@ -146,11 +134,8 @@ impl<'f, const N: usize> Assembler<'f, N> {
         let next = body(self, &params[1..]);
 
         let left = self.builder.ins().iadd_imm_s(params[0], -1);
-        let again: Vec<_> = [left]
-            .iter()
-            .chain(&next)
-            .map(|&value| BlockArg::Value(value))
-            .collect();
+        let again: Vec<_> =
+            [left].iter().chain(&next).map(|&value| BlockArg::Value(value)).collect();
         self.builder.ins().brif(left, head, &again, exit, &[]);
         self.builder.switch_to_block(exit);
         next
@@ -182,9 +167,7 @@ impl<'f, const N: usize> Assembler<'f, N> {
 }
 
 fn load_field(builder: &mut FunctionBuilder<'_>, call: Value, offset: usize) -> Value {
-    builder
-        .ins()
-        .load(I64, MemFlagsData::trusted(), call, offset as i32)
+    builder.ins().load(I64, MemFlagsData::trusted(), call, offset as i32)
 }
 
 fn cast(builder: &mut FunctionBuilder<'_>, ty: Type, value: Value) -> Value {
@@ -319,10 +302,7 @@ impl<const N: usize> Lanes for Assembler<'_, N> {
     }
 
     fn lt(&mut self, x: Node<N>, y: Node<N>) -> Mask<N> {
-        Mask(
-            self.each(|b, k| b.ins().fcmp(FloatCC::LessThan, x.0[k], y.0[k]))
-                .0,
-        )
+        Mask(self.each(|b, k| b.ins().fcmp(FloatCC::LessThan, x.0[k], y.0[k])).0)
     }
 
     fn select(&mut self, mask: Mask<N>, x: Node<N>, y: Node<N>) -> Node<N> {
@@ -339,12 +319,7 @@ impl<const N: usize> Nest for Assembler<'_, N> {
         let count = self.field(offset_of!(Call, chunks));
         let carried = [start.pixel, start.neighbour, start.out];
         self.repeat(count, &carried, |asm, at| {
-            asm.at = Cursors {
-                pixel: at[0],
-                neighbour: at[1],
-                out: at[2],
-                ..start
-            };
+            asm.at = Cursors { pixel: at[0], neighbour: at[1], out: at[2], ..start };
             body(asm);
             at.iter().map(|&cursor| asm.advance(cursor, step)).collect()
         });
@@ -385,10 +360,7 @@ impl<const N: usize> Nest for Assembler<'_, N> {
             carried.extend(next.iter().flat_map(|node| node.0));
             carried
         });
-        self.at = Cursors {
-            tap: last[1],
-            ..row
-        };
+        self.at = Cursors { tap: last[1], ..row };
         nodes(&last[2..])
     }
 
@@ -408,8 +380,5 @@ impl<const N: usize> Nest for Assembler<'_, N> {
 
 /// The nodes that were flattened into `values`.
 fn nodes<const N: usize>(values: &[Value]) -> Vec<Node<N>> {
-    values
-        .chunks_exact(N)
-        .map(|chunk| Node(array::from_fn(|chain| chunk[chain])))
-        .collect()
+    values.chunks_exact(N).map(|chunk| Node(array::from_fn(|chain| chunk[chain]))).collect()
 }

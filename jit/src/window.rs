@@ -46,8 +46,7 @@ impl WindowSpec {
 
     /// Sums per output pixel: weights × channels, with the absolute sums.
     pub fn results(&self) -> usize {
-        self.weights
-            .saturating_mul(self.channels.saturating_add(usize::from(self.absolute)))
+        self.weights.saturating_mul(self.channels.saturating_add(usize::from(self.absolute)))
     }
 
     /// The number of the sum S\[weight\]\[channel\] among a pixel's results.
@@ -70,10 +69,7 @@ impl WindowSpec {
             }
         }
         if !(1..=self.planes).contains(&self.channels) {
-            return Err(CompileError::Channels {
-                channels: self.channels,
-                planes: self.planes,
-            });
+            return Err(CompileError::Channels { channels: self.channels, planes: self.planes });
         }
         Ok(())
     }
@@ -136,10 +132,9 @@ pub(crate) fn emit<N: Nest, B: Body>(
         });
     });
     match found {
-        Some(found) if found != spec.weights => Err(CompileError::Weights {
-            expected: spec.weights,
-            found,
-        }),
+        Some(found) if found != spec.weights => {
+            Err(CompileError::Weights { expected: spec.weights, found })
+        }
         Some(_) | None => Ok(()),
     }
 }
@@ -154,9 +149,8 @@ fn accumulate<L: Lanes>(
     weights: &[L::F],
     partials: &[L::F],
 ) -> Vec<L::F> {
-    let channels: Vec<_> = (0..spec.channels)
-        .map(|channel| lanes.plane(channel, Side::J))
-        .collect();
+    let channels: Vec<_> =
+        (0..spec.channels).map(|channel| lanes.plane(channel, Side::J)).collect();
     let mut next = partials.to_vec();
     for (k, &weight) in weights.iter().take(spec.weights).enumerate() {
         for (c, &channel) in channels.iter().enumerate() {

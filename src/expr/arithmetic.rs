@@ -94,6 +94,7 @@ pub const DOT: VectorFunction = VectorFunction {
         let sum = fold(b, pairs, Builder::product, Builder::sum);
         b.limited(sum)
     },
+    differences: false,
     budget: Budget { ulp: 0.5, absolute: 4e-7 },
 };
 
@@ -113,6 +114,7 @@ pub const DISTANCE2: VectorFunction = VectorFunction {
         let distance = b.sqrt(squares);
         b.limited(distance)
     },
+    differences: true,
     budget: Budget { ulp: 3.0, absolute: 1e-19 },
 };
 
@@ -123,6 +125,7 @@ pub const DISTANCE1: VectorFunction = VectorFunction {
         let sum = fold(b, pairs, distance, Builder::sum);
         b.limited(sum)
     },
+    differences: true,
     budget: Budget { ulp: 2.0, absolute: f32::MIN_POSITIVE as f64 },
 };
 
@@ -133,6 +136,7 @@ pub const DISTANCE_MAX: VectorFunction = VectorFunction {
         let greatest = fold(b, pairs, distance, Builder::max);
         b.limited(greatest)
     },
+    differences: true,
     budget: ROUNDED,
 };
 

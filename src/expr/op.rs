@@ -47,7 +47,10 @@ pub struct VectorFunction {
     pub meaning: fn(&[(f64, f64)]) -> f64,
     /// Emits the function of component pairs.
     pub build: fn(&mut Builder, &[(Value, Value)]) -> Value,
-    /// How far apart the two may be, for components within [-1, 1].
+    /// Whether the function looks at nothing but the components' differences,
+    /// so that both vectors may be shifted alike.
+    pub differences: bool,
+    /// How far apart meaning and code may be, for components within [-1, 1].
     pub budget: Budget,
 }
 

@@ -233,6 +233,21 @@ impl Instr {
             Self::Prim(prim, args) => &args[..prim.arity()],
         }
     }
+
+    /// The same instruction on other operands.
+    #[must_use]
+    pub fn renamed(&self, rename: impl Fn(Value) -> Value) -> Self {
+        match *self {
+            leaf @ (Self::Const(_) | Self::Input(_)) => leaf,
+            Self::Prim(prim, args) => {
+                let mut new = [rename(args[0]); 4];
+                for (new, &old) in new.iter_mut().zip(self.operands()).skip(1) {
+                    *new = rename(old);
+                }
+                Self::Prim(prim, new)
+            }
+        }
+    }
 }
 
 /// Straight-line code with one or several results. Every operand stands before
@@ -248,6 +263,11 @@ impl Tape {
     /// The instructions, operands first.
     pub fn instrs(&self) -> &[Instr] {
         &self.instrs
+    }
+
+    /// Every value with the instruction that makes it, operands first.
+    pub fn iter(&self) -> impl Iterator<Item = (Value, &Instr)> {
+        self.instrs.iter().enumerate().map(|(k, instr)| (Value(k as u32), instr))
     }
 
     /// The values that the tape is evaluated for.
@@ -314,17 +334,7 @@ impl Tape {
         let mut kept = Self::default();
         let mut renamed = vec![Value(0); self.instrs.len()];
         for (k, instr) in self.instrs.iter().enumerate().filter(|(k, _)| needed[*k]) {
-            let instr = match *instr {
-                Instr::Prim(prim, args) => {
-                    let first = renamed[args[0].index()];
-                    let mut renamed_args = [first; 4];
-                    for (new, old) in renamed_args.iter_mut().zip(instr.operands()) {
-                        *new = renamed[old.index()];
-                    }
-                    Instr::Prim(prim, renamed_args)
-                }
-                leaf @ (Instr::Const(_) | Instr::Input(_)) => leaf,
-            };
+            let instr = instr.renamed(|v| renamed[v.index()]);
             renamed[k] = kept.push(instr, self.ranges[k]);
         }
         kept.results = results.iter().map(|r| renamed[r.index()]).collect();

@@ -1,0 +1,196 @@
+//! Machine code: a pair tape written into the lane assembler of `tamis-jit`,
+//! one match over the primitives.
+
+use tamis_jit::{Body, Chains, Compiler, Job, Kernel, Lanes, WindowSpec};
+
+use super::cpu::{CHANNELS, Frame, Rates, SumShape, Summer};
+use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
+use crate::expr::feature::PlaneId;
+use crate::expr::tape::{Input, Instr, Prim, Side, Tape};
+use crate::plan::Plan;
+use crate::scene::Scene;
+
+/// Compiles tapes to machine code.
+#[derive(Clone)]
+pub struct Jit {
+    compiler: Compiler,
+    chains: Chains,
+}
+
+impl Jit {
+    /// A compiler for this machine.
+    ///
+    /// # Errors
+    /// If there is no code generator for the processor, or it lacks a fused
+    /// multiply-add.
+    pub fn new() -> Result<Self, BackendError> {
+        Ok(Self { compiler: Compiler::host()?, chains: Chains::Four })
+    }
+
+    /// The same compiler interleaving another number of chains: fewer compile
+    /// faster and run slower, to the same bits.
+    #[must_use]
+    pub fn with_chains(self, chains: Chains) -> Self {
+        Self { chains, ..self }
+    }
+}
+
+struct Compiled {
+    plan: Plan,
+    rates: Rates,
+    pair: Pair,
+}
+
+/// A compiled pair tape.
+struct Pair {
+    kernel: Kernel,
+    /// The planes that the kernel reads after its channels.
+    planes: Vec<PlaneId>,
+}
+
+impl Backend for Jit {
+    fn name(&self) -> &'static str {
+        "jit"
+    }
+
+    fn agreement(&self) -> Agreement {
+        Agreement::Bits
+    }
+
+    fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
+        let planes = planes(plan.pair());
+        let spec = WindowSpec {
+            planes: CHANNELS + planes.len() + plan.pixel().results().len(),
+            taps: plan.tap().results().len(),
+            channels: CHANNELS,
+            weights: plan.pair().results().len(),
+            absolute: plan.signed(),
+        };
+        let body = TapeBody { tape: plan.pair(), planes: &planes };
+        let kernel = self.compiler.compile(spec, self.chains, &body)?;
+        let pair = Pair { kernel, planes };
+        Ok(Box::new(Compiled { plan: plan.clone(), rates: Rates::new(plan), pair }))
+    }
+}
+
+impl Executable for Compiled {
+    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+        self.rates.run(&self.plan, &self.pair, scene, region)
+    }
+}
+
+impl Summer for Pair {
+    type Scratch = ();
+
+    fn sums(
+        &self,
+        frame: &Frame<'_>,
+        strip: Rect,
+        (): &mut (),
+        out: &mut Vec<f32>,
+    ) -> Result<SumShape, BackendError> {
+        let planes: Vec<&[f32]> = frame
+            .channels
+            .into_iter()
+            .chain(self.planes.iter().map(|&plane| frame.plane(plane)))
+            .chain(frame.per_pixel.iter().map(Vec::as_slice))
+            .collect();
+        let window = tamis_jit::Window {
+            radius: [frame.window.radius as usize; 2],
+            dilation: [frame.window.dilation as usize; 2],
+        };
+        let layout = tamis_jit::Layout {
+            width: frame.layout.width(),
+            height: frame.layout.height(),
+            pad: frame.layout.pad(),
+            stride: frame.layout.stride(),
+        };
+        let rect = tamis_jit::Rect {
+            x: strip.x..strip.x + strip.width,
+            y: strip.y..strip.y + strip.height,
+        };
+        let job = Job { layout, planes: &planes, window, taps: &frame.per_tap, rect };
+        let shape = self.kernel.output_shape(&job.rect);
+        // What an earlier strip left is overwritten by the kernel.
+        out.resize(shape.len(), 0.0);
+        self.kernel.run(&job, out)?;
+        Ok(SumShape { results: shape.results, stride: shape.stride })
+    }
+}
+
+/// The planes that a pair tape reads, each once.
+fn planes(tape: &Tape) -> Vec<PlaneId> {
+    let mut planes: Vec<PlaneId> = tape
+        .inputs()
+        .filter_map(|input| match input {
+            Input::Plane(plane, _) => Some(plane),
+            Input::Offset(_) | Input::PerPixel(_) | Input::PerTap(_) => None,
+        })
+        .collect();
+    planes.sort_unstable();
+    planes.dedup();
+    planes
+}
+
+/// A tape as the straight-line program inside the window loop.
+struct TapeBody<'a> {
+    tape: &'a Tape,
+    planes: &'a [PlaneId],
+}
+
+impl TapeBody<'_> {
+    fn input<L: Lanes>(&self, lanes: &mut L, input: Input) -> L::F {
+        match input {
+            Input::Plane(plane, side) => {
+                let index = self.planes.binary_search(&plane);
+                let index = CHANNELS + index.expect("planes() listed every plane of the tape");
+                match side {
+                    Side::I => lanes.plane(index, tamis_jit::Side::I),
+                    Side::J => lanes.plane(index, tamis_jit::Side::J),
+                }
+            }
+            Input::PerPixel(k) => {
+                lanes.plane(CHANNELS + self.planes.len() + k as usize, tamis_jit::Side::I)
+            }
+            Input::PerTap(k) => lanes.tap(k as usize),
+            Input::Offset(_) => unreachable!("offsets are read through the tap tape"),
+        }
+    }
+}
+
+impl Body for TapeBody<'_> {
+    fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
+        let mut values: Vec<L::F> = Vec::with_capacity(self.tape.instrs().len());
+        for instr in self.tape.instrs() {
+            let value = match *instr {
+                Instr::Const(bits) => lanes.constant(f32::from_bits(bits)),
+                Instr::Input(input) => self.input(lanes, input),
+                Instr::Prim(prim, args) => {
+                    let [a, b, c, d] = args.map(|a| values[a.index()]);
+                    match prim {
+                        Prim::Neg => lanes.neg(a),
+                        Prim::Abs => lanes.abs(a),
+                        Prim::Sqrt => lanes.sqrt(a),
+                        Prim::Round => lanes.round(a),
+                        Prim::Exp2i => lanes.exp2i(a),
+                        Prim::Exponent => lanes.exponent(a),
+                        Prim::Mantissa => lanes.mantissa(a),
+                        Prim::Add => lanes.add(a, b),
+                        Prim::Sub => lanes.sub(a, b),
+                        Prim::Mul => lanes.mul(a, b),
+                        Prim::Div => lanes.div(a, b),
+                        Prim::Min => lanes.min(a, b),
+                        Prim::Max => lanes.max(a, b),
+                        Prim::Fma => lanes.fma(a, b, c),
+                        Prim::SelectLt => {
+                            let below = lanes.lt(a, b);
+                            lanes.select(below, c, d)
+                        }
+                    }
+                }
+            };
+            values.push(value);
+        }
+        self.tape.results().iter().map(|r| values[r.index()]).collect()
+    }
+}

@@ -1,0 +1,136 @@
+//! Floor 3: back ends run plans on scenes. They contain no policy: what is
+//! computed, and what is skipped, was decided in the plan.
+//!
+//! Two back ends run on the CPU and give the same bits: [`Interpreter`], the
+//! reference, and [`Jit`], machine code. The [`oracle`] computes a filter's
+//! exact meaning in f64; it is no back end, but what back ends are held to.
+//!
+//! **The sum.** Σ c·w and Σ w are accumulated per row of the window by fused
+//! multiply-adds, left to right, and the rows are then added from the top. So a
+//! sum over n = (2r+1)² taps carries the rounding of 2(2r+1) additions in a
+//! chain, not of n: for weights of one sign, a relative error below
+//! (2r+1) · 2^-23, 2.5e-6 at radius 10. A tap outside the image meets zero in
+//! all channels, the constant-one channel of Σ w included, and so drops out.
+//!
+//! **The guard.** Where Σ w cannot be trusted the noisy colour stays, and is
+//! counted: see [`TRUSTED_SUM`] and [`TRUSTED_SHARE`].
+
+mod block;
+mod cpu;
+mod interp;
+#[cfg(feature = "jit")]
+mod jit;
+pub mod oracle;
+
+use crate::plan::Plan;
+use crate::scene::Scene;
+
+pub use interp::Interpreter;
+#[cfg(feature = "jit")]
+pub use jit::Jit;
+
+/// Sums of weights (in magnitude) below this are treated as zero: with weights
+/// so small, products with dark colours are subnormal and carry no precision.
+pub const TRUSTED_SUM: f32 = 1e-30;
+
+/// With weights of both signs, |Σ w| must be at least this share of Σ |w|:
+/// cancellation magnifies rounding errors by the reciprocal, at most 1024-fold.
+pub const TRUSTED_SHARE: f32 = 1.0 / 1024.0;
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Rect {
+    /// Leftmost column.
+    pub x: usize,
+    /// Topmost row.
+    pub y: usize,
+    /// Number of columns.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+}
+
+impl Rect {
+    /// The whole of a scene.
+    pub fn whole(scene: &Scene) -> Self {
+        Self { x: 0, y: 0, width: scene.layout().width(), height: scene.layout().height() }
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.width * self.height
+    }
+}
+
+/// The filtered colours of some pixels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Filtered {
+    /// Linear R, G, B; rectangle after rectangle, each row by row.
+    pub pixels: Vec<[f32; 3]>,
+    /// How many pixels kept their noisy colour because their weights summed to
+    /// nothing that can be trusted.
+    pub kept: usize,
+}
+
+/// How far a back end's results may be from the interpreter's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Agreement {
+    /// Equal bit for bit.
+    Bits,
+    /// Within a relative difference.
+    Budget(f64),
+}
+
+/// Why a back end could not run a plan.
+#[derive(Debug, thiserror::Error)]
+pub enum BackendError {
+    /// The machine code could not be made or installed.
+    #[cfg(feature = "jit")]
+    #[error("the expression could not be compiled: {0}; `--backend interp` runs it all the same")]
+    Compile(#[from] tamis_jit::CompileError),
+    /// The machine code was given data of the wrong shape: an error of ours.
+    #[cfg(feature = "jit")]
+    #[error("the compiled filter refused its data: {0}")]
+    Shape(#[from] tamis_jit::ShapeError),
+    /// The scene's planes are padded for smaller windows.
+    #[error("the window reaches {reach} pixels but the scene was loaded for windows of {pad}")]
+    Padding {
+        /// The window's reach.
+        reach: usize,
+        /// The scene's padding.
+        pad: usize,
+    },
+    /// The scene was loaded without a plane that the plan reads.
+    #[error("the scene was loaded without `{0}`")]
+    NotLoaded(crate::expr::PlaneId),
+    /// A rectangle lies outside of the image.
+    #[error("{rect:?} lies outside of an image of {width} x {height} pixels")]
+    Outside {
+        /// The rectangle.
+        rect: Rect,
+        /// The image's width.
+        width: usize,
+        /// The image's height.
+        height: usize,
+    },
+}
+
+/// Something that turns plans into code.
+pub trait Backend: Sync {
+    /// What `--backend` calls it.
+    fn name(&self) -> &'static str;
+
+    /// How its results compare to the interpreter's.
+    fn agreement(&self) -> Agreement;
+
+    /// Makes a plan executable.
+    fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError>;
+}
+
+/// A plan in executable form.
+pub trait Executable: Send + Sync {
+    /// Filters the given rectangles of a scene: one [`Filtered`] per weight of
+    /// the plan. Runs on the current rayon pool; the result does not depend on
+    /// its number of threads.
+    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
+}

@@ -1,0 +1,128 @@
+//! The passes by name: each can be switched off, and none changes meaning.
+
+use crate::expr::builder::Rules;
+
+/// Which passes a plan is made with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Passes {
+    /// Products of exponentials and nested powers become one.
+    pub merge: bool,
+    /// Facts about the scene's planes (constants, ranges) are used.
+    pub facts: bool,
+    /// Constants and identities are folded.
+    pub fold: bool,
+    /// Equal subexpressions are computed once.
+    pub share: bool,
+    /// Guards that value ranges prove idle are dropped.
+    pub ranges: bool,
+    /// Products and sums are fused, constant divisors become reciprocals.
+    pub contract: bool,
+    /// What does not depend on the pair leaves the window loop.
+    pub rate: bool,
+}
+
+/// A pass as the command line and the benches name it.
+#[derive(Debug)]
+pub struct PassRow {
+    /// The pass's name.
+    pub name: &'static str,
+    /// What it does, in one line.
+    pub doc: &'static str,
+    /// Whether results with and without it are equal bit for bit. The others
+    /// agree to within rounding.
+    pub exact: bool,
+    switch: fn(&mut Passes) -> &mut bool,
+}
+
+/// Every pass.
+pub const PASSES: &[PassRow] = &[
+    PassRow {
+        name: "merge",
+        doc: "products of exponentials become one exponential, powers of powers one power",
+        exact: false,
+        switch: |p| &mut p.merge,
+    },
+    PassRow {
+        name: "facts",
+        doc: "planes that are constant in the scene become constants, ranges are known",
+        exact: false,
+        switch: |p| &mut p.facts,
+    },
+    PassRow {
+        name: "fold",
+        doc: "constants and algebraic identities are folded",
+        exact: false,
+        switch: |p| &mut p.fold,
+    },
+    PassRow {
+        name: "share",
+        doc: "equal subexpressions are computed once",
+        exact: true,
+        switch: |p| &mut p.share,
+    },
+    PassRow {
+        name: "ranges",
+        doc: "guards and selections that value ranges decide are dropped",
+        exact: false,
+        switch: |p| &mut p.ranges,
+    },
+    PassRow {
+        name: "contract",
+        doc: "products and sums are fused, constant divisors become reciprocals",
+        exact: false,
+        switch: |p| &mut p.contract,
+    },
+    PassRow {
+        name: "rate",
+        doc: "what does not depend on the pair of pixels leaves the window loop",
+        exact: true,
+        switch: |p| &mut p.rate,
+    },
+];
+
+impl Passes {
+    /// Every pass on.
+    pub const ALL: Self = Self {
+        merge: true,
+        facts: true,
+        fold: true,
+        share: true,
+        ranges: true,
+        contract: true,
+        rate: true,
+    };
+
+    /// Every pass off.
+    pub const NONE: Self = Self {
+        merge: false,
+        facts: false,
+        fold: false,
+        share: false,
+        ranges: false,
+        contract: false,
+        rate: false,
+    };
+
+    /// The same passes without the named one; `None` if there is no such pass.
+    pub fn without(mut self, name: &str) -> Option<Self> {
+        let row = PASSES.iter().find(|row| row.name == name)?;
+        *(row.switch)(&mut self) = false;
+        Some(self)
+    }
+
+    /// The part that the tape builder obeys.
+    pub(super) fn rules(self) -> Rules {
+        Rules {
+            fold: self.fold,
+            share: self.share,
+            ranges: self.ranges,
+            contract: self.contract,
+        }
+    }
+}
+
+impl Default for Passes {
+    fn default() -> Self {
+        Self::ALL
+    }
+}
