@@ -14,6 +14,7 @@ pub mod interval;
 pub mod kernels;
 pub mod op;
 pub mod tape;
+pub mod text;
 pub mod tree;
 
 pub use feature::{Feature, PlaneId, Quantity};
