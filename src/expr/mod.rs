@@ -7,6 +7,7 @@
 
 pub mod arithmetic;
 pub mod builder;
+pub mod codebook;
 pub mod elementary;
 pub mod feature;
 pub mod function;
