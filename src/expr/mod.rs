@@ -11,6 +11,7 @@ pub mod codebook;
 pub mod elementary;
 pub mod feature;
 pub mod function;
+pub mod grammar;
 pub mod interval;
 pub mod kernels;
 pub mod op;
