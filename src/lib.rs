@@ -2,3 +2,4 @@
 //! Analytic filters for Monte Carlo noise.
 
 pub mod expr;
+pub mod scene;
