@@ -2,6 +2,7 @@
 //! Analytic filters for Monte Carlo noise.
 
 pub mod backend;
+pub mod evolve;
 pub mod expr;
 pub mod plan;
 pub mod scene;
