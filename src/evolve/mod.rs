@@ -25,7 +25,7 @@
 //! a user may end ([`control`]) can go on from its [`Checkpoint`] to the same
 //! result.
 //!
-//! This floor knows nothing of images: that is the fitness's affair.
+//! Only one room of this floor knows of images: [`images`], the paper's fitness.
 
 pub mod breeding;
 pub mod canonical;
@@ -39,6 +39,7 @@ mod file;
 pub mod fitness;
 pub mod hall;
 pub mod history;
+pub mod images;
 pub mod individual;
 pub mod islands;
 pub mod materials;
@@ -56,6 +57,7 @@ pub use control::{Checkpoints, Control, Ending};
 pub use error::Error;
 pub use event::Event;
 pub use fitness::Fitness;
+pub use images::{Coverage, ImageFitness, TrainingScene};
 pub use individual::Individual;
 pub use search::{Finalist, Outcome, Search};
 pub use settings::{MutationWeights, Preset, Settings};
