@@ -204,7 +204,9 @@ class Renderer:
         # Cycles' depth runs along the view axis; ours is the distance to the camera.
         depth = np.where(hit, np.linalg.norm(position - self.eye, axis=-1, keepdims=True), 0)
         albedo = found["Diffuse Color"]
-        second = np.maximum(found["Denoising Albedo"] - albedo, 0) * hit
+        # Cycles counts lights as white; they have no albedo here.
+        lit = found["Emission"].max(-1, keepdims=True) > 0
+        second = np.maximum(found["Denoising Albedo"] - albedo, 0) * (hit & ~lit)
         direct = sum(found[f"{lobe} Direct"] * found[f"{lobe} Color"] for lobe in LOBES)
         direct = direct + found["Emission"] + found["Environment"]
         out = {}

@@ -12,7 +12,7 @@ from shapes import bar, blades, box, leaf, lathe, merged, quad, ring, scattered,
 
 RENDERER = "cycles"
 SIZE = (256, 256)
-REFERENCE_SPP = 768
+REFERENCE_SPP = 240
 EXPOSURE = 1.0
 CLAMP = 10.0
 MAX_DEPTH = 10
