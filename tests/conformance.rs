@@ -322,9 +322,11 @@ fn passes_change_cost_not_meaning(backend: &dyn Backend) {
         let plan = |passes| plan(std::slice::from_ref(&tree), Window::dense(2), &scene, passes);
         let all = run(backend, &plan(Passes::ALL), &scene);
         let mut others = vec![(Passes::NONE, "all", false)];
-        others.extend(PASSES.iter().map(|row| {
-            (Passes::ALL.without(row.name).expect("listed"), row.name, row.exact)
-        }));
+        others.extend(
+            PASSES
+                .iter()
+                .map(|row| (Passes::ALL.without(row.name).expect("listed"), row.name, row.exact)),
+        );
         for (passes, name, exact) in others {
             let off = run(backend, &plan(passes), &scene);
             for (on, off) in all[0].pixels.iter().flatten().zip(off[0].pixels.iter().flatten()) {

@@ -68,10 +68,7 @@ struct Batch;
 
 impl Body for Batch {
     fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
-        let (i, j) = (
-            lanes.plane(CHANNELS, Side::I),
-            lanes.plane(CHANNELS, Side::J),
-        );
+        let (i, j) = (lanes.plane(CHANNELS, Side::I), lanes.plane(CHANNELS, Side::J));
         let difference = lanes.sub(i, j);
         let squared = lanes.mul(difference, difference);
         (1..=16)
@@ -97,31 +94,16 @@ fn measure<B: Body>(
     let layout = Layout::new(SIZE, SIZE, RADIUS);
     let planes: Vec<Vec<f32>> = (0..CHANNELS + FEATURES)
         .map(|plane| {
-            let border = if plane < CHANNELS {
-                Border::Zero
-            } else {
-                Border::Replicate
-            };
+            let border = if plane < CHANNELS { Border::Zero } else { Border::Replicate };
             layout.plane(border, |x, y| ((x * 7 + y * 13 + plane) % 31) as f32 / 31.0)
         })
         .collect();
     let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
     let window = Window::square(RADIUS);
     let taps = vec![-0.5; window.taps()];
-    let spec = WindowSpec {
-        planes: planes.len(),
-        taps: 1,
-        channels: CHANNELS,
-        weights,
-        absolute: false,
-    };
-    let job = Job {
-        layout,
-        planes: &planes,
-        window,
-        taps: &taps,
-        rect: Rect::all(&layout),
-    };
+    let spec =
+        WindowSpec { planes: planes.len(), taps: 1, channels: CHANNELS, weights, absolute: false };
+    let job = Job { layout, planes: &planes, window, taps: &taps, rect: Rect::all(&layout) };
     let pairs = (SIZE * SIZE * window.taps() * weights) as f64;
 
     let compiler = Compiler::host()?;
@@ -129,9 +111,7 @@ fn measure<B: Body>(
         let compile = (0..ROUNDS)
             .map(|_| {
                 let start = Instant::now();
-                compiler
-                    .compile(spec, chains, body)
-                    .map(|_| start.elapsed())
+                compiler.compile(spec, chains, body).map(|_| start.elapsed())
             })
             .collect::<Result<Vec<_>, _>>()?;
         let kernel = compiler.compile(spec, chains, body)?;

@@ -71,9 +71,7 @@ impl Compiler {
     /// is why nothing but [`host`](Self::host) makes one that is public.
     fn with_isa(builder: Builder) -> Result<Self, CompileError> {
         let flags = flags().map_err(|why| CompileError::Host(why.to_string()))?;
-        let isa = builder
-            .finish(flags)
-            .map_err(|why| CompileError::Host(why.to_string()))?;
+        let isa = builder.finish(flags).map_err(|why| CompileError::Host(why.to_string()))?;
         check(isa.as_ref())?;
         Ok(Self { isa })
     }
@@ -140,11 +138,7 @@ fn flags() -> Result<settings::Flags, SetError> {
     flags.set("opt_level", "none")?;
     flags.set("regalloc_algorithm", "backtracking")?;
     // The verifier guards against mistakes of this crate, not of its callers.
-    let verify = if cfg!(debug_assertions) {
-        "true"
-    } else {
-        "false"
-    };
+    let verify = if cfg!(debug_assertions) { "true" } else { "false" };
     flags.set("enable_verifier", verify)?;
     // A frame full of spilled vectors may be larger than the guard page below
     // the stack; touching each of its pages keeps an overflow a clean fault.
@@ -160,9 +154,7 @@ fn flags() -> Result<settings::Flags, SetError> {
 /// Refuses instruction sets that the kernels' promises do not hold on.
 fn check(isa: &dyn TargetIsa) -> Result<(), CompileError> {
     let has = |name: &str| {
-        isa.isa_flags()
-            .iter()
-            .any(|flag| flag.name == name && flag.as_bool() == Some(true))
+        isa.isa_flags().iter().any(|flag| flag.name == name && flag.as_bool() == Some(true))
     };
     match isa.name() {
         "x64" if has("has_avx") && has("has_fma") => Ok(()),
@@ -174,9 +166,7 @@ fn check(isa: &dyn TargetIsa) -> Result<(), CompileError> {
 
 /// The text of a panic, where it has one.
 fn message(payload: &(dyn Any + Send)) -> String {
-    let text = payload
-        .downcast_ref::<&str>()
-        .map(|text| (*text).to_owned());
+    let text = payload.downcast_ref::<&str>().map(|text| (*text).to_owned());
     text.or_else(|| payload.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "without a message".to_owned())
 }
@@ -192,11 +182,7 @@ mod tests {
 
     impl Body for Everything {
         fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
-            let (x, y, z) = (
-                lanes.plane(0, Side::I),
-                lanes.plane(0, Side::J),
-                lanes.tap(0),
-            );
+            let (x, y, z) = (lanes.plane(0, Side::I), lanes.plane(0, Side::J), lanes.tap(0));
             let x = lanes.fma(x, y, z);
             let (a, b) = (lanes.min(x, y), lanes.max(x, z));
             let mask = lanes.lt(a, b);
@@ -212,13 +198,8 @@ mod tests {
         }
     }
 
-    const SPEC: WindowSpec = WindowSpec {
-        planes: 1,
-        taps: 1,
-        channels: 1,
-        weights: 1,
-        absolute: true,
-    };
+    const SPEC: WindowSpec =
+        WindowSpec { planes: 1, taps: 1, channels: 1, weights: 1, absolute: true };
 
     fn target(name: &str, flags: &[&str]) -> Result<Compiler, CompileError> {
         let mut builder = isa::lookup_by_name(name).expect("the tests build this target");

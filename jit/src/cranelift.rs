@@ -80,15 +80,7 @@ impl<'f, const N: usize> Assembler<'f, N> {
             out: field(offset_of!(Call, out)),
         };
         let partials = Partials::new(&mut builder, spec.results());
-        Self {
-            builder,
-            spec,
-            call,
-            planes,
-            at,
-            partials,
-            fault: None,
-        }
+        Self { builder, spec, call, planes, at, partials, fault: None }
     }
 
     /// Closes the function; reports the first plane or tap value that the body
@@ -111,12 +103,7 @@ impl<'f, const N: usize> Assembler<'f, N> {
     /// `bits` in every lane, shared by all chains.
     fn splat(&mut self, ty: Type, bits: u32) -> Value {
         let bytes = bits.to_le_bytes().repeat(LANES);
-        let handle = self
-            .builder
-            .func
-            .dfg
-            .constants
-            .insert(ConstantData::from(bytes));
+        let handle = self.builder.func.dfg.constants.insert(ConstantData::from(bytes));
         self.builder.ins().vconst(ty, handle)
     }
 
@@ -128,9 +115,7 @@ impl<'f, const N: usize> Assembler<'f, N> {
 }
 
 fn load_field(builder: &mut FunctionBuilder<'_>, call: Value, offset: usize) -> Value {
-    builder
-        .ins()
-        .load(I64, MemFlagsData::trusted(), call, offset as i32)
+    builder.ins().load(I64, MemFlagsData::trusted(), call, offset as i32)
 }
 
 fn cast(builder: &mut FunctionBuilder<'_>, ty: Type, value: Value) -> Value {
@@ -265,10 +250,7 @@ impl<const N: usize> Lanes for Assembler<'_, N> {
     }
 
     fn lt(&mut self, x: Node<N>, y: Node<N>) -> Mask<N> {
-        Mask(
-            self.each(|b, k| b.ins().fcmp(FloatCC::LessThan, x.0[k], y.0[k]))
-                .0,
-        )
+        Mask(self.each(|b, k| b.ins().fcmp(FloatCC::LessThan, x.0[k], y.0[k])).0)
     }
 
     fn select(&mut self, mask: Mask<N>, x: Node<N>, y: Node<N>) -> Node<N> {

@@ -46,15 +46,9 @@ impl Kernel {
         let builder = JITBuilder::with_isa(isa, default_libcall_names());
         let mut memory = Memory::new(JITModule::new(builder));
         let module = memory.module();
-        let id = module
-            .declare_anonymous_function(&context.func.signature)
-            .map_err(generator)?;
-        module
-            .define_function(id, &mut context)
-            .map_err(generator)?;
-        let code = context
-            .compiled_code()
-            .expect("the function was just compiled");
+        let id = module.declare_anonymous_function(&context.func.signature).map_err(generator)?;
+        module.define_function(id, &mut context).map_err(generator)?;
+        let code = context.compiled_code().expect("the function was just compiled");
         if !code.buffer.relocs().is_empty() {
             let why = "an instruction became a library call".to_owned();
             return Err(CompileError::Generator(why));
@@ -65,13 +59,7 @@ impl Kernel {
         // SAFETY: `address` is the start of a finished function whose signature
         // is `Entry`: one pointer in the host's C convention, no result.
         let entry = unsafe { std::mem::transmute::<*const u8, Entry>(address) };
-        Ok(Self {
-            entry,
-            spec,
-            step,
-            code_bytes,
-            _memory: memory,
-        })
+        Ok(Self { entry, spec, step, code_bytes, _memory: memory })
     }
 
     /// What it was compiled for.

@@ -43,12 +43,7 @@ impl Layout {
     /// sideways. Rows start on multiples of 64 bytes.
     pub fn new(width: usize, height: usize, pad: usize) -> Self {
         let stride = (width + 2 * pad + Self::WIDEST_STEP - 1).next_multiple_of(16);
-        Self {
-            width,
-            height,
-            pad,
-            stride,
-        }
+        Self { width, height, pad, stride }
     }
 
     /// Where pixel (x, y) lies in a plane.
@@ -87,10 +82,7 @@ pub struct Window {
 impl Window {
     /// The full square of pixels within `radius`.
     pub fn square(radius: usize) -> Self {
-        Self {
-            radius: [radius; 2],
-            dilation: [1; 2],
-        }
+        Self { radius: [radius; 2], dilation: [1; 2] }
     }
 
     /// The number of taps, saturating.
@@ -125,10 +117,7 @@ pub struct Rect {
 impl Rect {
     /// The whole image.
     pub fn all(layout: &Layout) -> Self {
-        Self {
-            x: 0..layout.width,
-            y: 0..layout.height,
-        }
+        Self { x: 0..layout.width, y: 0..layout.height }
     }
 }
 
@@ -151,9 +140,7 @@ impl OutputShape {
     /// The length of the buffer, saturating.
     #[expect(clippy::len_without_is_empty, reason = "a shape, not a collection")]
     pub fn len(&self) -> usize {
-        self.stride
-            .saturating_mul(self.results)
-            .saturating_mul(self.rows)
+        self.stride.saturating_mul(self.results).saturating_mul(self.rows)
     }
 
     /// Where the values of one result lie, for row number `row` of the
@@ -194,51 +181,33 @@ impl Job<'_> {
         self.check_window(spec)?;
         let shape = self.check_rect(spec, step)?;
         if output != shape.len() {
-            return Err(ShapeError::Output {
-                expected: shape.len(),
-                found: output,
-            });
+            return Err(ShapeError::Output { expected: shape.len(), found: output });
         }
         Ok(shape)
     }
 
     /// Every row has room for its padding and a step that starts at its last pixel.
     fn check_rows(&self, step: usize) -> Result<(), ShapeError> {
-        let Layout {
-            width, pad, stride, ..
-        } = self.layout;
-        let expected = pad
-            .saturating_mul(2)
-            .saturating_add(width)
-            .saturating_add(step - 1);
+        let Layout { width, pad, stride, .. } = self.layout;
+        let expected = pad.saturating_mul(2).saturating_add(width).saturating_add(step - 1);
         // A sum that saturated is no length at all, not even of such a stride.
         if stride < expected || expected == usize::MAX {
-            return Err(ShapeError::Stride {
-                expected,
-                found: stride,
-            });
+            return Err(ShapeError::Stride { expected, found: stride });
         }
         Ok(())
     }
 
     fn check_planes(&self, spec: &WindowSpec) -> Result<(), ShapeError> {
         let Layout { height, stride, .. } = self.layout;
-        let expected = stride
-            .checked_mul(height)
-            .ok_or(ShapeError::Size { stride, height })?;
+        let expected = stride.checked_mul(height).ok_or(ShapeError::Size { stride, height })?;
         if self.planes.len() != spec.planes {
-            return Err(ShapeError::PlaneCount {
-                expected: spec.planes,
-                found: self.planes.len(),
-            });
+            return Err(ShapeError::PlaneCount { expected: spec.planes, found: self.planes.len() });
         }
         match self.planes.iter().position(|plane| plane.len() < expected) {
             None => Ok(()),
-            Some(index) => Err(ShapeError::PlaneLength {
-                index,
-                expected,
-                found: self.planes[index].len(),
-            }),
+            Some(index) => {
+                Err(ShapeError::PlaneLength { index, expected, found: self.planes[index].len() })
+            }
         }
     }
 
@@ -252,10 +221,7 @@ impl Job<'_> {
         }
         let expected = self.window.taps().saturating_mul(spec.taps);
         if self.taps.len() != expected {
-            return Err(ShapeError::TapCount {
-                expected,
-                found: self.taps.len(),
-            });
+            return Err(ShapeError::TapCount { expected, found: self.taps.len() });
         }
         Ok(())
     }
@@ -263,12 +229,7 @@ impl Job<'_> {
     fn check_rect(&self, spec: &WindowSpec, step: usize) -> Result<OutputShape, ShapeError> {
         let (Rect { x, y }, Layout { width, height, .. }) = (&self.rect, self.layout);
         if x.start > x.end || x.end > width || y.start > y.end || y.end > height {
-            return Err(ShapeError::Rect {
-                x: x.clone(),
-                y: y.clone(),
-                width,
-                height,
-            });
+            return Err(ShapeError::Rect { x: x.clone(), y: y.clone(), width, height });
         }
         Ok(OutputShape::new(&self.rect, spec, step))
     }

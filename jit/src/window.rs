@@ -46,8 +46,7 @@ impl WindowSpec {
 
     /// Sums per output pixel: weights × channels, with the absolute sums.
     pub fn results(&self) -> usize {
-        self.weights
-            .saturating_mul(self.channels.saturating_add(usize::from(self.absolute)))
+        self.weights.saturating_mul(self.channels.saturating_add(usize::from(self.absolute)))
     }
 
     /// The number of the sum S\[weight\]\[channel\] among a pixel's results.
@@ -70,10 +69,7 @@ impl WindowSpec {
             }
         }
         if !(1..=self.planes).contains(&self.channels) {
-            return Err(CompileError::Channels {
-                channels: self.channels,
-                planes: self.planes,
-            });
+            return Err(CompileError::Channels { channels: self.channels, planes: self.planes });
         }
         Ok(())
     }
@@ -137,10 +133,7 @@ pub(crate) fn emit<N: Nest, B: Body>(
     if found == spec.weights {
         Ok(())
     } else {
-        Err(CompileError::Weights {
-            expected: spec.weights,
-            found,
-        })
+        Err(CompileError::Weights { expected: spec.weights, found })
     }
 }
 

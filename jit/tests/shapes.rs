@@ -5,13 +5,8 @@ use tamis_jit::{
     Side, Window, WindowSpec,
 };
 
-const SPEC: WindowSpec = WindowSpec {
-    planes: 2,
-    taps: 1,
-    channels: 1,
-    weights: 1,
-    absolute: false,
-};
+const SPEC: WindowSpec =
+    WindowSpec { planes: 2, taps: 1, channels: 1, weights: 1, absolute: false };
 
 /// Reads `plane` and tap value `tap`, and returns `weights` copies of the sum.
 struct Reads {
@@ -20,11 +15,7 @@ struct Reads {
     weights: usize,
 }
 
-const HONEST: Reads = Reads {
-    plane: 1,
-    tap: 0,
-    weights: 1,
-};
+const HONEST: Reads = Reads { plane: 1, tap: 0, weights: 1 };
 
 impl Body for Reads {
     fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
@@ -34,9 +25,7 @@ impl Body for Reads {
 }
 
 fn compile(spec: WindowSpec, body: &impl Body) -> Result<Kernel, CompileError> {
-    Compiler::host()
-        .expect("the tests need a host with FMA")
-        .compile(spec, Chains::Two, body)
+    Compiler::host().expect("the tests need a host with FMA").compile(spec, Chains::Two, body)
 }
 
 /// Runs an honest kernel on data that fit but for what `change` does to them.
@@ -66,13 +55,7 @@ fn data_that_fit_are_taken() {
 
 #[test]
 fn an_empty_rectangle_computes_nothing() {
-    for rect in [
-        Rect { x: 7..7, y: 1..9 },
-        Rect {
-            x: 2..18,
-            y: 10..10,
-        },
-    ] {
+    for rect in [Rect { x: 7..7, y: 1..9 }, Rect { x: 2..18, y: 10..10 }] {
         let out = run(|job, out| {
             job.rect = rect;
             out.clear();
@@ -84,35 +67,16 @@ fn an_empty_rectangle_computes_nothing() {
 #[test]
 fn wrong_planes() {
     let few = run(|job, _| job.planes = &job.planes[..1]);
-    assert_eq!(
-        few,
-        Err(ShapeError::PlaneCount {
-            expected: 2,
-            found: 1
-        })
-    );
+    assert_eq!(few, Err(ShapeError::PlaneCount { expected: 2, found: 1 }));
     let short = run(|job, _| job.planes = &[&[0.0; 3000], &[0.0; 10]]);
-    assert!(matches!(
-        short,
-        Err(ShapeError::PlaneLength {
-            index: 1,
-            found: 10,
-            ..
-        })
-    ));
+    assert!(matches!(short, Err(ShapeError::PlaneLength { index: 1, found: 10, .. })));
 }
 
 #[test]
 fn wrong_layouts() {
     // One value short of width + 2 × pad + step - 1.
     let narrow = run(|job, _| job.layout.stride = 20 + 4 + 6);
-    assert_eq!(
-        narrow,
-        Err(ShapeError::Stride {
-            expected: 31,
-            found: 30
-        })
-    );
+    assert_eq!(narrow, Err(ShapeError::Stride { expected: 31, found: 30 }));
     let tall = run(|job, _| job.layout.height = usize::MAX);
     assert!(matches!(tall, Err(ShapeError::Size { .. })));
     for field in [
@@ -140,13 +104,7 @@ fn wrong_windows() {
         assert!(matches!(other, Err(ShapeError::TapCount { found: 25, .. })));
     }
     let few = run(|job, _| job.taps = &job.taps[1..]);
-    assert_eq!(
-        few,
-        Err(ShapeError::TapCount {
-            expected: 25,
-            found: 24
-        })
-    );
+    assert_eq!(few, Err(ShapeError::TapCount { expected: 25, found: 24 }));
 }
 
 #[test]
@@ -158,25 +116,11 @@ fn a_dilation_beyond_the_image_leaves_the_centre_row() {
 #[test]
 #[expect(clippy::reversed_empty_ranges, reason = "they are what is tested")]
 fn wrong_rectangles() {
-    for (x, y) in [
-        (2..21, 1..9),
-        (2..18, 1..11),
-        (9..8, 1..9),
-        (2..18, 9..8),
-        (usize::MAX..usize::MAX, 1..9),
-    ] {
+    for (x, y) in
+        [(2..21, 1..9), (2..18, 1..11), (9..8, 1..9), (2..18, 9..8), (usize::MAX..usize::MAX, 1..9)]
+    {
         let found = run(|job, _| job.rect = Rect { x, y });
-        assert!(
-            matches!(
-                found,
-                Err(ShapeError::Rect {
-                    width: 20,
-                    height: 10,
-                    ..
-                })
-            ),
-            "{found:?}"
-        );
+        assert!(matches!(found, Err(ShapeError::Rect { width: 20, height: 10, .. })), "{found:?}");
     }
 }
 
@@ -184,48 +128,18 @@ fn wrong_rectangles() {
 fn wrong_outputs() {
     for length in [0, 127, 129] {
         let found = run(|_, out| out.resize(length, 0.0));
-        assert_eq!(
-            found,
-            Err(ShapeError::Output {
-                expected: 128,
-                found: length
-            })
-        );
+        assert_eq!(found, Err(ShapeError::Output { expected: 128, found: length }));
     }
 }
 
 #[test]
 fn bodies_that_reach_too_far() {
     let plane = compile(SPEC, &Reads { plane: 2, ..HONEST });
-    assert!(matches!(
-        plane,
-        Err(CompileError::Plane {
-            index: 2,
-            planes: 2
-        })
-    ));
-    let tap = compile(
-        SPEC,
-        &Reads {
-            tap: usize::MAX,
-            ..HONEST
-        },
-    );
-    assert!(matches!(
-        tap,
-        Err(CompileError::Tap {
-            index: usize::MAX,
-            taps: 1
-        })
-    ));
+    assert!(matches!(plane, Err(CompileError::Plane { index: 2, planes: 2 })));
+    let tap = compile(SPEC, &Reads { tap: usize::MAX, ..HONEST });
+    assert!(matches!(tap, Err(CompileError::Tap { index: usize::MAX, taps: 1 })));
     for found in [0, 2] {
-        let weights = compile(
-            SPEC,
-            &Reads {
-                weights: found,
-                ..HONEST
-            },
-        );
+        let weights = compile(SPEC, &Reads { weights: found, ..HONEST });
         assert!(
             matches!(weights, Err(CompileError::Weights { expected: 1, found: n }) if n == found)
         );
@@ -237,33 +151,16 @@ fn specifications_out_of_range() {
     let huge = WindowSpec::LIMIT + 1;
     for spec in [
         WindowSpec { planes: 0, ..SPEC },
-        WindowSpec {
-            planes: huge,
-            ..SPEC
-        },
+        WindowSpec { planes: huge, ..SPEC },
         WindowSpec { taps: huge, ..SPEC },
         WindowSpec { weights: 0, ..SPEC },
-        WindowSpec {
-            weights: usize::MAX,
-            absolute: true,
-            ..SPEC
-        },
+        WindowSpec { weights: usize::MAX, absolute: true, ..SPEC },
     ] {
-        assert!(
-            matches!(compile(spec, &HONEST), Err(CompileError::Spec { .. })),
-            "{spec:?}"
-        );
+        assert!(matches!(compile(spec, &HONEST), Err(CompileError::Spec { .. })), "{spec:?}");
     }
     for channels in [0, 3] {
-        let spec = WindowSpec {
-            channels,
-            absolute: true,
-            ..SPEC
-        };
-        assert!(matches!(
-            compile(spec, &HONEST),
-            Err(CompileError::Channels { planes: 2, .. })
-        ));
+        let spec = WindowSpec { channels, absolute: true, ..SPEC };
+        assert!(matches!(compile(spec, &HONEST), Err(CompileError::Channels { planes: 2, .. })));
     }
 }
 

@@ -10,8 +10,7 @@ use crate::backend::{Backend, BackendError, Rect};
 use crate::expr::Tree;
 use crate::plan::{Passes, Plan, PlanError, Window};
 use crate::scene::facts::Facts;
-use crate::scene::image::Image;
-use crate::scene::{Scene, SceneError, metric};
+use crate::scene::{Image, Scene, SceneError, metric};
 
 /// A scene to train on: noisy input, features, and the clean reference.
 #[derive(Debug)]
@@ -109,7 +108,9 @@ impl ImageFitness {
             .enumerate()
             .map(|(k, training)| match coverage {
                 Coverage::Full => vec![Rect::whole(&training.scene)],
-                Coverage::Share { share, seed } => tiles(Rect::whole(&training.scene), share, seed, k),
+                Coverage::Share { share, seed } => {
+                    tiles(Rect::whole(&training.scene), share, seed, k)
+                }
             })
             .collect();
         let facts = Facts::of_all(scenes.iter().map(|training| &training.scene));

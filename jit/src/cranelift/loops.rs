@@ -99,11 +99,8 @@ impl<const N: usize> Assembler<'_, N> {
         let next = body(self, &params[1..]);
 
         let left = self.builder.ins().iadd_imm_s(params[0], -1);
-        let again: Vec<_> = [left]
-            .iter()
-            .chain(&next)
-            .map(|&value| BlockArg::Value(value))
-            .collect();
+        let again: Vec<_> =
+            [left].iter().chain(&next).map(|&value| BlockArg::Value(value)).collect();
         self.builder.ins().brif(left, head, &again, exit, &[]);
         self.builder.switch_to_block(exit);
         next
@@ -152,12 +149,7 @@ impl<const N: usize> Nest for Assembler<'_, N> {
         let count = self.field(offset_of!(Call, chunks));
         let carried = [start.pixel, start.neighbour, start.out];
         self.repeat(count, &carried, |asm, at| {
-            asm.at = Cursors {
-                pixel: at[0],
-                neighbour: at[1],
-                out: at[2],
-                ..start
-            };
+            asm.at = Cursors { pixel: at[0], neighbour: at[1], out: at[2], ..start };
             body(asm);
             at.iter().map(|&cursor| asm.advance(cursor, step)).collect()
         });
@@ -196,10 +188,7 @@ impl<const N: usize> Nest for Assembler<'_, N> {
             next.extend(asm.partials.carried());
             next
         });
-        self.at = Cursors {
-            tap: last[1],
-            ..row
-        };
+        self.at = Cursors { tap: last[1], ..row };
     }
 
     fn accumulate(&mut self, index: usize, channel: Node<N>, weight: Node<N>) {

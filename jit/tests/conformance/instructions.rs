@@ -69,13 +69,7 @@ fn check(tuples: &[[f32; 3]], node: Node) {
     };
     // The last four nodes are weights: what is under test, its reciprocal, and
     // two uses that invite a code generator to merge it with what follows.
-    let spec = WindowSpec {
-        planes: 4,
-        taps: 0,
-        channels: 1,
-        weights: 4,
-        absolute: false,
-    };
+    let spec = WindowSpec { planes: 4, taps: 0, channels: 1, weights: 4, absolute: false };
     let job = Job {
         layout,
         planes: &[&one, &operands[0], &operands[1], &operands[2]],
@@ -126,9 +120,7 @@ fn exp2i_over_its_whole_domain() {
 
 #[test]
 fn exponent_and_mantissa_of_every_binade() {
-    let powers: Vec<f32> = (0..=0xff)
-        .map(|e| f32::from_bits((e << 23) | 0x12_3456))
-        .collect();
+    let powers: Vec<f32> = (0..=0xff).map(|e| f32::from_bits((e << 23) | 0x12_3456)).collect();
     check(&singles(&powers), Node::Exponent(0));
     check(&singles(&powers), Node::Mantissa(0));
 }

@@ -36,10 +36,7 @@ pub(crate) struct Program {
 impl Program {
     /// A program with one weight.
     pub(crate) fn new(nodes: impl IntoIterator<Item = Node>) -> Self {
-        Self {
-            nodes: nodes.into_iter().collect(),
-            weights: 1,
-        }
+        Self { nodes: nodes.into_iter().collect(), weights: 1 }
     }
 }
 

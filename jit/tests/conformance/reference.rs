@@ -47,11 +47,7 @@ fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize
 
 /// Bits, with all NaNs made one: their payload is not part of the promise.
 fn bits(value: f32) -> u32 {
-    if value.is_nan() {
-        f32::NAN.to_bits()
-    } else {
-        value.to_bits()
-    }
+    if value.is_nan() { f32::NAN.to_bits() } else { value.to_bits() }
 }
 
 /// Compiles `body` for every number of chains, runs it on `job`, and compares

@@ -52,13 +52,7 @@ fn check(width: usize, height: usize, window: Window, rect: Option<Rect>, absolu
     let planes = planes(&layout);
     let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
     let taps: Vec<f32> = (0..2 * window.taps()).map(|n| noise(9, n, 0)).collect();
-    let spec = WindowSpec {
-        planes: 4,
-        taps: 2,
-        channels: 2,
-        weights: 2,
-        absolute,
-    };
+    let spec = WindowSpec { planes: 4, taps: 2, channels: 2, weights: 2, absolute };
     let job = Job {
         layout,
         planes: &planes,
@@ -79,10 +73,7 @@ fn radii_from_none_to_more_than_the_image() {
 #[test]
 fn radii_that_differ_by_axis() {
     for radius in [[0, 3], [3, 0], [2, 1]] {
-        let window = Window {
-            radius,
-            dilation: [1, 1],
-        };
+        let window = Window { radius, dilation: [1, 1] };
         check(13, 6, window, None, true);
     }
 }
@@ -90,10 +81,7 @@ fn radii_that_differ_by_axis() {
 #[test]
 fn dilated_taps_skip_pixels() {
     for dilation in [[2, 2], [1, 3], [4, 1], [1, 1000]] {
-        let window = Window {
-            radius: [2, 2],
-            dilation,
-        };
+        let window = Window { radius: [2, 2], dilation };
         check(18, 9, window, None, true);
     }
 }
@@ -107,13 +95,7 @@ fn ragged_widths() {
 
 #[test]
 fn rectangles_inside_the_image() {
-    for (x, y) in [
-        (0..1, 0..1),
-        (3..20, 2..5),
-        (22..23, 6..7),
-        (5..5, 0..7),
-        (0..23, 3..3),
-    ] {
+    for (x, y) in [(0..1, 0..1), (3..20, 2..5), (22..23, 6..7), (5..5, 0..7), (0..23, 3..3)] {
         check(23, 7, Window::square(2), Some(Rect { x, y }), true);
     }
 }
@@ -130,13 +112,7 @@ fn a_batch_larger_than_the_registers() {
         _ => Node::Sub(n, n + 1),
     }));
     let program = Program { nodes, weights: 20 };
-    let spec = WindowSpec {
-        planes: 4,
-        taps: 0,
-        channels: 2,
-        weights: 20,
-        absolute: true,
-    };
+    let spec = WindowSpec { planes: 4, taps: 0, channels: 2, weights: 20, absolute: true };
     let job = Job {
         layout,
         planes: &planes,
