@@ -178,7 +178,7 @@ impl Rates {
             })
             .collect();
         let mut slots = Slots::default();
-        vectorized(|| self.tap.run(&inputs, &mut slots, chunks));
+        run(&self.tap, &inputs, &mut slots, chunks);
         let mut table = vec![0.0; taps * values];
         for value in 0..values {
             copy(self.tap.result(value, &inputs, &slots), taps, |k, x| {
@@ -223,7 +223,7 @@ impl Rates {
                         }
                     })
                     .collect();
-                vectorized(|| self.pixel.run(&inputs, slots, chunks));
+                run(&self.pixel, &inputs, slots, chunks);
                 let mut block = vec![0.0; values * width];
                 for value in 0..values {
                     copy(self.pixel.result(value, &inputs, slots), width, |k, x| {
@@ -298,10 +298,29 @@ fn strips(scene: &Scene, region: &[Rect]) -> Result<Vec<Rect>, BackendError> {
     Ok(strips)
 }
 
-/// Runs `work` compiled for the host's vector units.
-#[inline(always)]
-pub(super) fn vectorized<R>(work: impl FnOnce() -> R) -> R {
-    pulp::Arch::new().dispatch(work)
+/// Runs a program once, compiled for the host's vector units.
+///
+/// It takes a type of its own, not a closure: only a method can be told to be
+/// inlined into the code that has those units enabled, and arithmetic that is
+/// not is twenty times slower (`mul_add` is then a library call).
+struct Run<'a> {
+    program: &'a Program,
+    inputs: &'a [Arg<'a>],
+    slots: &'a mut Slots,
+    chunks: usize,
+}
+
+impl pulp::WithSimd for Run<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        self.program.run(self.inputs, self.slots, self.chunks);
+    }
+}
+
+fn run(program: &Program, inputs: &[Arg<'_>], slots: &mut Slots, chunks: usize) {
+    pulp::Arch::new().dispatch(Run { program, inputs, slots, chunks });
 }
 
 fn copy(from: Arg<'_>, count: usize, mut to: impl FnMut(usize, f32)) {

@@ -39,7 +39,13 @@ pub fn canonical(tree: &Tree) -> Tree {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+    use crate::evolve::materials::Materials;
+    use crate::evolve::mutation::mutate;
+    use crate::evolve::rng::stream;
+    use crate::evolve::settings::Preset;
     use crate::expr::op::Form;
 
     #[test]
@@ -59,19 +65,31 @@ mod tests {
 
     #[test]
     fn operands_are_put_in_order_at_every_level() {
-        let [one, two, three] = [1.0, 2.0, 3.0].map(Tree::constant);
-        let apply = |op, a: &Tree, b: &Tree| Tree::apply(op, &[a, b]).unwrap();
-        let variants = [
-            apply(Op::Mul, &apply(Op::Add, &one, &two), &three),
-            apply(Op::Mul, &apply(Op::Add, &two, &one), &three),
-            apply(Op::Mul, &three, &apply(Op::Add, &one, &two)),
-            apply(Op::Mul, &three, &apply(Op::Add, &two, &one)),
-        ];
-        for variant in &variants {
-            assert_eq!(canonical(variant), variants[2]);
+        let canonical = |text: &str| canonical(&text.parse().unwrap()).to_string();
+        for variant in ["(1 + 2) * 3", "(2 + 1) * 3", "3 * (1 + 2)", "3 * (2 + 1)"] {
+            assert_eq!(canonical(variant), "3 * (1 + 2)");
         }
-        let difference = apply(Op::Sub, &two, &one);
-        assert_eq!(canonical(&difference), difference);
+        for fixed in ["2 - 1", "2 / 1", "pow(2, 1)", "dot(texture, normal)"] {
+            assert_eq!(canonical(fixed), fixed);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_canonical_tree_means_the_same(seed in 0..u64::MAX) {
+            let settings = Preset::Quick.settings();
+            let materials = Materials::new(&settings).unwrap();
+            let mut rng = stream(seed, 0, 0, 0);
+            let mut tree = materials.initial().clone();
+            for _ in 0..20 {
+                tree = mutate(&tree, &materials, &settings, &mut rng);
+            }
+            let meaning = |t: &Tree| {
+                t.meaning(|plane, _| f64::from(plane.component) + 0.1 * plane.feature as u8 as f64)
+            };
+            prop_assert_eq!(meaning(&canonical(&tree)), meaning(&tree));
+            prop_assert_eq!(canonical(&canonical(&tree)), canonical(&tree));
+        }
     }
 
     #[test]

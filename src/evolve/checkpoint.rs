@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, de};
 
 use super::error::Error;
 use super::file;
@@ -26,9 +26,8 @@ enum Format {
 pub struct Checkpoint {
     format: Format,
     /// What the fitness called itself.
-    pub identity: String,
-    /// The search's settings. `generations` may be raised to search on.
-    pub settings: Settings,
+    pub(super) identity: String,
+    pub(super) settings: Settings,
     pub(super) state: State,
 }
 
@@ -71,7 +70,33 @@ impl Checkpoint {
         let contents =
             std::fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
         serde_json::from_slice(&contents)
+            .and_then(Self::checked)
             .map_err(|source| Error::Checkpoint { path: path.to_owned(), source })
+    }
+
+    /// Holds what was read to what a search relies on.
+    fn checked(self) -> Result<Self, serde_json::Error> {
+        let Self { settings, state, .. } = &self;
+        let begun = state.next > 0;
+        let islands = if begun { settings.islands } else { 0 };
+        let whole = state.islands.len() == islands
+            && state.islands.iter().all(|p| p.len() == settings.island_size)
+            && state.history.len() == islands * state.next as usize
+            && (state.hall.members().is_empty() == state.memo.is_empty())
+            && !(begun && state.memo.is_empty());
+        if whole { Ok(self) } else { Err(de::Error::custom("its parts do not fit together")) }
+    }
+
+    /// What the search was told.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The same, to be resumed up to another last generation.
+    #[must_use]
+    pub fn until(mut self, generations: u32) -> Self {
+        self.settings.generations = generations;
+        self
     }
 
     /// Writes it; a file of that name stays whole until the new one is.

@@ -31,3 +31,38 @@ pub fn crossover(first: &Tree, second: &Tree, settings: &Settings, rng: &mut Str
     }
     first.clone()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evolve::rng::stream;
+    use crate::evolve::settings::Preset;
+
+    #[test]
+    fn a_child_is_one_parent_with_a_part_of_the_other() {
+        let first: Tree = "exp(distance2(normal, normal))".parse().unwrap();
+        let second: Tree = "sin(0.2) * 3".parse().unwrap();
+        let settings = Preset::Paper.settings();
+        let parts = |tree: &Tree| (0..tree.len()).map(|at| tree.subtree(at)).collect::<Vec<_>>();
+        let hosts = |host: &Tree, donor: &Tree, child: &Tree| {
+            (0..host.len()).any(|at| {
+                parts(donor).iter().any(|part| host.replace(at, part).as_ref() == Ok(child))
+            })
+        };
+        for index in 0..200 {
+            let child = crossover(&first, &second, &settings, &mut stream(1, 0, 0, index));
+            assert!(hosts(&first, &second, &child) || hosts(&second, &first, &child), "{child}");
+        }
+    }
+
+    #[test]
+    fn where_no_child_is_small_enough_the_first_parent_stays() {
+        let settings = Settings { max_nodes: 2, ..Preset::Paper.settings() };
+        let first: Tree = "distance2(normal, normal)".parse().unwrap();
+        let second: Tree = "distance1(depth, depth)".parse().unwrap();
+        for index in 0..50 {
+            let child = crossover(&first, &second, &settings, &mut stream(1, 0, 0, index));
+            assert_eq!(child, first);
+        }
+    }
+}

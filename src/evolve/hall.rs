@@ -48,12 +48,11 @@ impl HallOfFame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::{Op, Tree};
+    use crate::expr::Tree;
 
     #[test]
     fn the_hall_keeps_the_best_distinct_in_whatever_order_they_come() {
-        let one = Tree::constant(1.0);
-        let negated = Tree::apply(Op::Neg, &[&one]).unwrap();
+        let [one, negated]: [Tree; 2] = ["1", "-exp(1)"].map(|text| text.parse().unwrap());
         let candidates: Vec<Individual> = (0..6)
             .flat_map(|k| [(&one, k), (&negated, k)])
             .map(|(tree, k)| Individual { tree: tree.clone(), fitness: f64::from(k) })

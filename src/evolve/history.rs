@@ -99,16 +99,11 @@ pub fn write_csv(rows: &[Row], path: &Path) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::Op;
 
     #[test]
     fn a_row_has_a_cell_per_column() {
-        let one = Tree::constant(1.0);
-        let power = Tree::apply(Op::Pow, &[&one, &one]).unwrap();
-        let population = [
-            Individual { tree: one, fitness: f64::INFINITY },
-            Individual { tree: power, fitness: 0.5 },
-        ];
+        let population = [("1", f64::INFINITY), ("pow(1, 1)", 0.5)]
+            .map(|(text, fitness)| Individual { tree: text.parse().unwrap(), fitness });
         let csv = csv(&[Row::new(3, 1, &population, 7, 2)]);
         assert_eq!(
             csv,

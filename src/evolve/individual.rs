@@ -48,16 +48,12 @@ impl Eq for Individual {}
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::Op;
 
     #[test]
     fn at_equal_fitness_the_smaller_tree_is_better() {
-        let one = Tree::constant(1.0);
-        let negated = Tree::apply(Op::Neg, &[&one]).unwrap();
-        let small = Individual { tree: one.clone(), fitness: 2.0 };
-        let large = Individual { tree: negated.clone(), fitness: 2.0 };
-        let best = Individual { tree: negated, fitness: 1.0 };
-        let hopeless = Individual { tree: one, fitness: f64::INFINITY };
+        let [small, large, best, hopeless] =
+            [("1", 2.0), ("exp(1)", 2.0), ("exp(1)", 1.0), ("1", f64::INFINITY)]
+                .map(|(text, fitness)| Individual { tree: text.parse().unwrap(), fitness });
         let mut all = [&hopeless, &large, &small, &best];
         all.sort();
         assert_eq!(all, [&best, &small, &large, &hopeless]);

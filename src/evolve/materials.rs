@@ -65,3 +65,41 @@ impl Materials {
         &self.initial
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evolve::mutation::mutate;
+    use crate::evolve::rng::stream;
+    use crate::evolve::settings::Preset;
+
+    #[test]
+    fn what_is_forbidden_never_appears() {
+        let settings = Settings {
+            forbidden: ["secTexture", "cVariance", "tGradient"].map(str::to_owned).into(),
+            ..Preset::Quick.settings()
+        };
+        let materials = Materials::new(&settings).unwrap();
+        let mut rng = stream(1, 0, 0, 0);
+        let mut tree = materials.initial().clone();
+        for _ in 0..2000 {
+            tree = mutate(&tree, &materials, &settings, &mut rng);
+            let text = tree.to_string();
+            assert!(!settings.forbidden.iter().any(|name| text.contains(name)), "{text}");
+        }
+    }
+
+    #[test]
+    fn an_initial_expression_that_cannot_be_is_refused() {
+        let refused = |change: fn(&mut Settings)| {
+            let mut settings = Preset::Quick.settings();
+            change(&mut settings);
+            Materials::new(&settings).unwrap_err().to_string()
+        };
+        assert!(refused(|s| s.initial = "bilatral".to_owned()).contains("neither a filter's name"));
+        assert!(refused(|s| s.initial = "normal".to_owned()).contains("nor an expression"));
+        assert!(refused(|s| s.forbidden = vec!["color".to_owned()]).contains("what `forbidden`"));
+        assert!(refused(|s| s.forbidden = vec!["colour".to_owned()]).contains("`colour`"));
+        assert!(refused(|s| s.max_nodes = 3).contains("fit into `max_nodes`"));
+    }
+}

@@ -71,13 +71,10 @@ impl From<Memo> for Vec<Individual> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::Op;
 
     #[test]
     fn variants_with_operands_exchanged_are_one_entry() {
-        let [one, two] = [1.0, 2.0].map(Tree::constant);
-        let ab = Tree::apply(Op::Add, &[&one, &two]).unwrap();
-        let ba = Tree::apply(Op::Add, &[&two, &one]).unwrap();
+        let [one, ab, ba] = ["1", "1 + 2", "2 + 1"].map(|text| text.parse().unwrap());
         let mut memo = Memo::default();
         let missing = memo.missing([&ba, &ab, &one]);
         assert_eq!(missing, [ab.clone(), one]);

@@ -25,7 +25,33 @@
 //! a user may end ([`control`]) can go on from its [`Checkpoint`] to the same
 //! result.
 //!
-//! Only one room of this floor knows of images: [`images`], the paper's fitness.
+//! Only one room of this floor knows of images: [`images`], the paper's
+//! fitness. Any function of expressions can be minimised, their length for one:
+//!
+//! ```
+//! use std::convert::Infallible;
+//! use tamis::evolve::{Control, Fitness, Preset, Search, Settings};
+//! use tamis::expr::Tree;
+//!
+//! struct Brevity;
+//!
+//! impl Fitness for Brevity {
+//!     type Error = Infallible;
+//!
+//!     fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Infallible> {
+//!         Ok(trees.iter().map(|tree| tree.len() as f64).collect())
+//!     }
+//!
+//!     fn identity(&self) -> String {
+//!         "brevity".to_owned()
+//!     }
+//! }
+//!
+//! let settings = Settings { generations: 10, ..Preset::Quick.settings() };
+//! let outcome = Search::new(settings, &Brevity)?.run(&Control::default(), &mut |_| {})?;
+//! assert_eq!(outcome.best().tree.len(), 1);
+//! # Ok::<(), tamis::evolve::Error>(())
+//! ```
 
 pub mod breeding;
 pub mod canonical;

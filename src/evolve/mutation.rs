@@ -119,3 +119,88 @@ fn normal(rng: &mut Stream) -> f64 {
 fn rounded(x: f64) -> f32 {
     format!("{x:.2e}").parse().expect("Rust reads the numbers it writes")
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::evolve::rng::stream;
+    use crate::evolve::settings::Preset;
+
+    /// Applies a kind at many random places; the distinct results as text.
+    fn mutants(kind: Mutation, of: &str) -> Vec<String> {
+        let materials = Materials::new(&Preset::Quick.settings()).unwrap();
+        let tree: Tree = of.parse().unwrap();
+        let mut mutants: Vec<String> = (0..300)
+            .filter_map(|k| kind.apply(&tree, &materials, 0.5, &mut stream(1, 0, 0, k)))
+            .map(|mutant| mutant.to_string())
+            .collect();
+        mutants.sort_unstable();
+        mutants.dedup();
+        mutants
+    }
+
+    #[test]
+    fn delete_puts_the_constant_1_for_any_number() {
+        let found = mutants(Mutation::Delete, "exp(-distance2(normal, normal))");
+        assert_eq!(found, ["1", "exp(-(1))", "exp(1)"]);
+    }
+
+    #[test]
+    fn swap_never_takes_a_node_with_its_own_subtree() {
+        assert!(mutants(Mutation::Swap, "exp(sin(sqrt(0.2)))").is_empty());
+        let found = mutants(Mutation::Swap, "sin(0.2) / cos(3)");
+        assert_eq!(
+            found,
+            ["3 / cos(sin(0.2))", "cos(3) / sin(0.2)", "sin(3) / cos(0.2)", "sin(cos(3)) / 0.2"]
+        );
+    }
+
+    #[test]
+    fn insert_puts_an_entry_of_the_codebook_for_any_number() {
+        let found = mutants(Mutation::Insert, "1");
+        assert!(found.contains(&"mitchell(distance2(normal, normal))".to_owned()), "{found:?}");
+        let materials = Materials::new(&Preset::Quick.settings()).unwrap();
+        let entries: Vec<String> = materials.codebook().iter().map(Tree::to_string).collect();
+        assert!(found.iter().all(|mutant| entries.contains(mutant)));
+    }
+
+    #[test]
+    fn jitter_keeps_a_constants_sign_and_three_digits_of_it() {
+        assert!(mutants(Mutation::Jitter, "exp(distance2(normal, normal))").is_empty());
+        for mutant in mutants(Mutation::Jitter, "0.3333") {
+            let value: f64 = mutant.parse().unwrap();
+            assert!(value > 0.0 && mutant.trim_start_matches(['0', '.']).len() <= 4, "{mutant}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn replace_and_jitter_keep_the_shape_and_swap_the_symbols(seed in 0..u64::MAX) {
+            let settings = Preset::Quick.settings();
+            let materials = Materials::new(&settings).unwrap();
+            let mut rng = stream(seed, 0, 0, 0);
+            let mut tree = materials.initial().clone();
+            for _ in 0..5 {
+                tree = mutate(&tree, &materials, &settings, &mut rng);
+            }
+            for kind in [Mutation::Replace, Mutation::Jitter] {
+                if let Some(mutant) = kind.apply(&tree, &materials, 0.5, &mut rng) {
+                    let pairs = || tree.symbols().iter().zip(mutant.symbols());
+                    prop_assert_eq!(mutant.len(), tree.len());
+                    prop_assert!(pairs().all(|(a, b)| a.operands() == b.operands()));
+                    prop_assert!(pairs().filter(|(a, b)| a != b).count() <= 1);
+                }
+            }
+            if let Some(mutant) = Mutation::Swap.apply(&tree, &materials, 0.5, &mut rng) {
+                let sorted = |t: &Tree| {
+                    let mut symbols = t.symbols().to_vec();
+                    symbols.sort_unstable();
+                    symbols
+                };
+                prop_assert_eq!(sorted(&mutant), sorted(&tree));
+            }
+        }
+    }
+}

@@ -61,13 +61,9 @@ mod tests {
 
     #[test]
     fn terms_are_ranked_by_the_expressions_that_use_them() {
-        let leaf = |f| Tree::leaf(Symbol::Vector(f)).unwrap();
-        let distance = |f| Tree::apply(Op::Distance2, &[&leaf(f), &leaf(f)]).unwrap();
-        let trees = [
-            distance(Feature::Normal),
-            distance(Feature::Normal),
-            Tree::apply(Op::Neg, &[&distance(Feature::Depth)]).unwrap(),
-        ];
+        let trees =
+            ["distance2(normal, normal)", "distance2(normal, normal)", "-distance2(depth, depth)"]
+                .map(|text| text.parse().unwrap());
         let summary = Summary::new(&trees);
         assert_eq!(summary.expressions, 3);
         let top: Vec<_> =
