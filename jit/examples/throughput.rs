@@ -9,9 +9,9 @@ use tamis_jit::{
     Body, Border, Chains, Compiler, Job, Lanes, Layout, Rect, Side, Window, WindowSpec,
 };
 
-const SIZE: usize = 128;
+const SIZE: usize = 64;
 const RADIUS: usize = 8;
-const ROUNDS: usize = 30;
+const ROUNDS: usize = 60;
 
 /// Channels to sum: a colour and the constant 1.
 const CHANNELS: usize = 4;
@@ -39,28 +39,55 @@ impl Body for CrossBilateral {
             let scaled = lanes.mul(difference, scale);
             exponent = lanes.fma(scaled, difference, exponent);
         }
-        vec![exp(lanes, exponent)]
+        let exp = Exp::new(lanes);
+        vec![exp.emit(lanes, exponent)]
     }
 }
 
-/// The exponential by a polynomial on ± ln 2 / 2 and a scaling.
-fn exp<L: Lanes>(lanes: &mut L, x: L::F) -> L::F {
-    let floor = lanes.constant(-87.0);
-    let x = lanes.max(x, floor);
-    let log2e = lanes.constant(std::f32::consts::LOG2_E);
-    let scaled = lanes.mul(x, log2e);
-    let whole = lanes.round(scaled);
-    let high = lanes.constant(-0.693_145_75);
-    let low = lanes.constant(-1.428_606_8e-6);
-    let rest = lanes.fma(whole, high, x);
-    let rest = lanes.fma(whole, low, rest);
-    let mut sum = lanes.constant(1.0 / 720.0);
-    for coefficient in [1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
-        let coefficient = lanes.constant(coefficient);
-        sum = lanes.fma(sum, rest, coefficient);
+/// The exponential, by a polynomial on ± ln 2 / 2 and a scaling. Its constants
+/// are emitted once for all its uses.
+struct Exp<F> {
+    floor: F,
+    log2e: F,
+    high: F,
+    low: F,
+    polynomial: [F; 7],
+}
+
+impl<F: Copy> Exp<F> {
+    fn new<L: Lanes<F = F>>(lanes: &mut L) -> Self {
+        Self {
+            floor: lanes.constant(-87.0),
+            log2e: lanes.constant(std::f32::consts::LOG2_E),
+            high: lanes.constant(-0.693_145_75),
+            low: lanes.constant(-1.428_606_8e-6),
+            polynomial: [
+                1.0 / 720.0,
+                1.0 / 120.0,
+                1.0 / 24.0,
+                1.0 / 6.0,
+                0.5,
+                1.0,
+                1.0,
+            ]
+            .map(|coefficient| lanes.constant(coefficient)),
+        }
     }
-    let power = lanes.exp2i(whole);
-    lanes.mul(sum, power)
+
+    fn emit<L: Lanes<F = F>>(&self, lanes: &mut L, x: F) -> F {
+        let x = lanes.max(x, self.floor);
+        let scaled = lanes.mul(x, self.log2e);
+        let whole = lanes.round(scaled);
+        let rest = lanes.fma(whole, self.high, x);
+        let rest = lanes.fma(whole, self.low, rest);
+        let [first, others @ ..] = self.polynomial;
+        let mut sum = first;
+        for coefficient in others {
+            sum = lanes.fma(sum, rest, coefficient);
+        }
+        let power = lanes.exp2i(whole);
+        lanes.mul(sum, power)
+    }
 }
 
 /// Sixteen cross-bilateral weights of different widths, over shared distances.
@@ -71,11 +98,12 @@ impl Body for Batch {
         let (i, j) = (lanes.plane(CHANNELS, Side::I), lanes.plane(CHANNELS, Side::J));
         let difference = lanes.sub(i, j);
         let squared = lanes.mul(difference, difference);
+        let exp = Exp::new(lanes);
         (1..=16)
             .map(|n| {
                 let (scale, spatial) = (lanes.constant(-0.1 * n as f32), lanes.tap(0));
                 let exponent = lanes.fma(squared, scale, spatial);
-                exp(lanes, exponent)
+                exp.emit(lanes, exponent)
             })
             .collect()
     }

@@ -122,7 +122,7 @@ fn cast(builder: &mut FunctionBuilder<'_>, ty: Type, value: Value) -> Value {
     builder.ins().bitcast(ty, MemFlagsData::new(), value)
 }
 
-/// `if x < y { a } else { b }`, in the form that becomes one instruction where
+/// `if mask { a } else { b }`, in the form that becomes one instruction where
 /// there is one.
 fn choose(builder: &mut FunctionBuilder<'_>, mask: Value, a: Value, b: Value) -> Value {
     let mask = cast(builder, F32X4, mask);

@@ -142,7 +142,7 @@ pub(crate) fn emit<N: Nest, B: Body>(
 /// Each channel is loaded once, right before its use: loaded all together, the
 /// channels would push partials out of the registers.
 fn add_tap<N: Nest>(nest: &mut N, spec: &WindowSpec, weights: &[N::F]) {
-    // Weights too many are left to the caller to report.
+    // One weight too many is the caller's to report.
     let weights = &weights[..weights.len().min(spec.weights)];
     for c in 0..spec.channels {
         let channel = nest.plane(c, Side::J);
