@@ -148,7 +148,7 @@ fn constant_power(b: &mut Builder, x: Value, y: f32) -> Option<Value> {
             reciprocal(b, divisor)
         }
         -2.0 => {
-            let square = b.mul(x, x);
+            let square = b.product(x, x);
             let least = b.constant(DIVISOR_MIN);
             let square = b.max(square, least);
             reciprocal(b, square)
@@ -160,7 +160,7 @@ fn constant_power(b: &mut Builder, x: Value, y: f32) -> Option<Value> {
 /// x^2, at most [`LIMIT`].
 fn square(b: &mut Builder, x: Value) -> Value {
     let limit = b.constant(LIMIT);
-    let square = b.mul(x, x);
+    let square = b.product(x, x);
     b.min(square, limit)
 }
 
