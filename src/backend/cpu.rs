@@ -4,11 +4,11 @@
 use rayon::prelude::*;
 
 use super::block::{Arg, BLOCK, LANES, Program, Slots};
-use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM};
+use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at};
 use crate::expr::PlaneId;
 use crate::expr::tape::{Axis, Input, Side};
 use crate::plan::{Plan, Window};
-use crate::scene::plane::{Layout, Plane};
+use crate::scene::plane::{Layout, Plane, Samples};
 use crate::scene::Scene;
 
 /// Rows of a strip: enough work that handing it out costs nothing, few enough
@@ -140,7 +140,7 @@ impl Rates {
         let mut frame = Frame {
             layout,
             window: self.window,
-            channels: scene.channels(),
+            channels: channels(scene),
             planes,
             per_pixel: Vec::new(),
             per_tap: self.per_tap(),
@@ -269,12 +269,17 @@ impl Rates {
                     filtered.pixels.push(mean);
                 } else {
                     filtered.kept += 1;
-                    filtered.pixels.push(scene.color_at(strip.x + k, strip.y + row));
+                    filtered.pixels.push(color_at(scene, strip.x + k, strip.y + row));
                 }
             }
         }
         filtered
     }
+}
+
+fn channels(scene: &Scene) -> [&[f32]; CHANNELS] {
+    let [r, g, b] = scene.color();
+    [r, g, b, scene.ones()].map(Samples::as_slice)
 }
 
 /// Cuts rectangles into strips of a few rows.

@@ -37,6 +37,12 @@ pub const TRUSTED_SUM: f32 = 1e-30;
 /// cancellation magnifies rounding errors by the reciprocal, at most 1024-fold.
 pub const TRUSTED_SHARE: f32 = 1.0 / 1024.0;
 
+/// What a CPU back end promises of every pixel that the guard lets through: the
+/// greatest difference from the exact meaning, relative to the pixel's colour,
+/// for weights of one sign. With weights of both signs it grows by the sums'
+/// condition, Σ |w| / |Σ w|.
+pub const ACCURACY: f64 = 1e-5;
+
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Rect {
@@ -133,4 +139,9 @@ pub trait Executable: Send + Sync {
     /// the plan. Runs on the current rayon pool; the result does not depend on
     /// its number of threads.
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
+}
+
+/// The noisy colour of a pixel.
+fn color_at(scene: &Scene, x: usize, y: usize) -> [f32; 3] {
+    scene.color().each_ref().map(|channel| channel.at(x, y))
 }

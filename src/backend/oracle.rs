@@ -3,7 +3,7 @@
 //! No plan, no pass and no tape is involved: the trees are evaluated by the
 //! meanings of the operator table, so that an error in any of those shows.
 
-use super::Rect;
+use super::{Rect, color_at};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::tape::Side;
 use crate::plan::{Stage, Window};
@@ -14,6 +14,8 @@ use crate::scene::Scene;
 pub struct Exact {
     /// Σ c·w / Σ w per channel.
     pub color: [f64; 3],
+    /// The greatest |c| in the window, per channel.
+    pub brightest: [f64; 3],
     /// Σ w.
     pub total: f64,
     /// Σ |w|.
@@ -32,16 +34,18 @@ pub fn filter(scene: &Scene, stage: &Stage, rect: Rect) -> Vec<Exact> {
 
 fn pixel(scene: &Scene, stage: &Stage, x: usize, y: usize) -> Exact {
     let mut sums = [0.0; 3];
+    let mut brightest = [0.0f64; 3];
     let (mut total, mut magnitude) = (0.0, 0.0);
     for (u, v) in neighbours(scene, stage.window, x, y) {
         let weight = weight(scene, stage, (x, y), (u, v));
-        for (sum, c) in sums.iter_mut().zip(scene.color_at(u, v)) {
-            *sum += f64::from(c) * weight;
+        for (c, &noisy) in color_at(scene, u, v).iter().enumerate() {
+            sums[c] += f64::from(noisy) * weight;
+            brightest[c] = brightest[c].max(f64::from(noisy).abs());
         }
         total += weight;
         magnitude += weight.abs();
     }
-    Exact { color: sums.map(|sum| sum / total), total, magnitude }
+    Exact { color: sums.map(|sum| sum / total), brightest, total, magnitude }
 }
 
 /// The exact weight of pixel j for pixel i.

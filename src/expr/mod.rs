@@ -7,13 +7,16 @@
 
 pub mod arithmetic;
 pub mod builder;
+pub mod codebook;
 pub mod elementary;
 pub mod feature;
 pub mod function;
+pub mod grammar;
 pub mod interval;
 pub mod kernels;
 pub mod op;
 pub mod tape;
+pub mod text;
 pub mod tree;
 
 pub use feature::{Feature, PlaneId, Quantity};

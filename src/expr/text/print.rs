@@ -1,0 +1,148 @@
+//! From tree to text, without recursion and in linear time.
+
+use std::f32::consts;
+use std::fmt;
+
+use crate::expr::op::{Op, Syntax};
+use crate::expr::tree::{Literal, Symbol, Tree};
+
+use super::PI;
+
+/// What stands around an operand, and may tear it apart.
+#[derive(Clone, Copy)]
+enum Around {
+    /// Nothing: the operand is the whole, or stands between `(`, `,` and `)`.
+    Nothing,
+    /// A sign before it.
+    Sign,
+    /// An infix operator that operands weaker than this cannot stand beside.
+    Infix(u8),
+}
+
+/// What is left to print.
+enum Piece {
+    Text(&'static str),
+    /// The subtree at a position.
+    Subtree(usize, Around),
+}
+
+/// Prints a tree.
+pub(super) fn print(tree: &Tree, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let starts = starts(tree);
+    // Last in, first out: the pieces of a node are pushed from right to left.
+    let mut pieces = vec![Piece::Subtree(tree.root(), Around::Nothing)];
+    while let Some(piece) = pieces.pop() {
+        let (position, around) = match piece {
+            Piece::Text(text) => {
+                f.write_str(text)?;
+                continue;
+            }
+            Piece::Subtree(position, around) => (position, around),
+        };
+        let symbol = tree.symbols()[position];
+        if needs_parentheses(symbol, around) {
+            f.write_str("(")?;
+            pieces.push(Piece::Text(")"));
+        }
+        match symbol {
+            Symbol::Const(literal) => number(literal, f)?,
+            Symbol::Variance(_) | Symbol::Vector(_) | Symbol::Gradient(_) => {
+                f.write_str(spelling(symbol))?;
+            }
+            Symbol::Op(op) => operator(op, position, &starts, &mut pieces),
+        }
+    }
+    Ok(())
+}
+
+/// Pushes the pieces of an operator with its operands.
+fn operator(op: Op, position: usize, starts: &[usize], pieces: &mut Vec<Piece>) {
+    let operands = operands(op, position, starts);
+    match (op.row().syntax, operands.as_slice()) {
+        (Syntax::Infix(strength), &[left, right]) => {
+            // From the left: an equally strong operator on the right needs parentheses.
+            pieces.push(Piece::Subtree(right, Around::Infix(strength + 1)));
+            pieces.extend([" ", op.name(), " "].map(Piece::Text));
+            pieces.push(Piece::Subtree(left, Around::Infix(strength)));
+        }
+        (Syntax::Prefix, &[operand]) => {
+            pieces.push(Piece::Subtree(operand, Around::Sign));
+            pieces.push(Piece::Text(op.name()));
+        }
+        (Syntax::Call | Syntax::Prefix | Syntax::Infix(_), operands) => {
+            pieces.push(Piece::Text(")"));
+            for (k, &operand) in operands.iter().enumerate().rev() {
+                pieces.push(Piece::Subtree(operand, Around::Nothing));
+                pieces.push(Piece::Text(if k > 0 { ", " } else { "(" }));
+            }
+            pieces.push(Piece::Text(op.name()));
+        }
+    }
+}
+
+fn needs_parentheses(symbol: Symbol, around: Around) -> bool {
+    let infix = match symbol {
+        Symbol::Op(op) => match op.row().syntax {
+            Syntax::Infix(strength) => Some(strength),
+            Syntax::Prefix | Syntax::Call => None,
+        },
+        Symbol::Const(_) | Symbol::Variance(_) | Symbol::Vector(_) | Symbol::Gradient(_) => None,
+    };
+    match (around, infix) {
+        (Around::Nothing, _) => false,
+        (Around::Infix(least), infix) => infix.is_some_and(|strength| strength < least),
+        (Around::Sign, Some(_)) => true,
+        // A sign before a number would become the number's own.
+        (Around::Sign, None) => {
+            matches!(symbol, Symbol::Const(literal) if literal.value().is_sign_positive())
+        }
+    }
+}
+
+/// Where the subtree at each position starts. [`Tree::extent`] finds one of
+/// them in time proportional to the subtree; all of them together are as cheap.
+pub(super) fn starts(tree: &Tree) -> Vec<usize> {
+    let mut starts: Vec<usize> = Vec::with_capacity(tree.len());
+    for (position, symbol) in tree.symbols().iter().enumerate() {
+        let mut start = position;
+        for _ in 0..symbol.arity() {
+            start = starts[start - 1];
+        }
+        starts.push(start);
+    }
+    starts
+}
+
+/// The positions of an operator's operands, in order.
+pub(super) fn operands(op: Op, position: usize, starts: &[usize]) -> Vec<usize> {
+    let mut roots = Vec::with_capacity(op.arity());
+    let mut end = position;
+    for _ in 0..op.arity() {
+        roots.push(end - 1);
+        end = starts[end - 1];
+    }
+    roots.reverse();
+    roots
+}
+
+/// The name of a symbol that reads a feature.
+pub(super) fn spelling(symbol: Symbol) -> &'static str {
+    symbol
+        .reads()
+        .and_then(|(feature, quantity)| feature.spelling(quantity))
+        .expect("Symbol::of makes only what has a spelling")
+}
+
+/// The shortest decimal that parses to the same bits; with an exponent outside
+/// [1e-4, 1e7).
+fn number(literal: Literal, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let x = literal.value();
+    let magnitude = x.abs();
+    if magnitude == consts::PI {
+        write!(f, "{}{PI}", if x < 0.0 { "-" } else { "" })
+    } else if magnitude == 0.0 || (1e-4..1e7).contains(&magnitude) {
+        write!(f, "{x}")
+    } else {
+        write!(f, "{x:e}")
+    }
+}

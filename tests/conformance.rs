@@ -1,0 +1,366 @@
+//! One suite for every back end: each is held to the scalar meaning of the
+//! tapes (bit for bit where it promises that) and to the exact meaning of the
+//! trees in f64.
+
+mod fixture;
+
+use tamis::backend::{Agreement, Backend, Filtered, Interpreter, Jit, Rect, oracle};
+use tamis::expr::tape::{Axis, Input, Side};
+use tamis::expr::{Feature, Op, Quantity, Symbol, Tree, codebook};
+use tamis::plan::{PASSES, Passes, Plan, Source, Stage, Window};
+use tamis::scene::Scene;
+use tamis::scene::facts::Facts;
+
+use fixture::{parse, scene};
+
+/// One line per back end instantiates the suite.
+macro_rules! conformance {
+    ($name:ident, $backend:expr) => {
+        mod $name {
+            #[test]
+            fn every_operator() {
+                super::every_operator(&$backend);
+            }
+
+            #[test]
+            fn every_term() {
+                super::every_term(&$backend);
+            }
+
+            #[test]
+            fn named_filters() {
+                super::named_filters(&$backend);
+            }
+
+            #[test]
+            fn windows_and_shapes() {
+                super::windows_and_shapes(&$backend);
+            }
+
+            #[test]
+            fn rectangles_give_what_the_whole_gives() {
+                super::rectangles_give_what_the_whole_gives(&$backend);
+            }
+
+            #[test]
+            fn several_weights_in_one_plan() {
+                super::several_weights_in_one_plan(&$backend);
+            }
+
+            #[test]
+            fn untrusted_sums_keep_the_noisy_colour() {
+                super::untrusted_sums_keep_the_noisy_colour(&$backend);
+            }
+
+            #[test]
+            fn a_constant_image_stays_constant() {
+                super::a_constant_image_stays_constant(&$backend);
+            }
+
+            #[test]
+            fn passes_change_cost_not_meaning() {
+                super::passes_change_cost_not_meaning(&$backend);
+            }
+        }
+    };
+}
+
+conformance!(interp, tamis::backend::Interpreter);
+conformance!(jit, super::jit(tamis_jit::Chains::Four));
+conformance!(jit_of_one_chain, super::jit(tamis_jit::Chains::One));
+
+fn jit(chains: tamis_jit::Chains) -> Jit {
+    Jit::new().expect("the host has a code generator").with_chains(chains)
+}
+
+fn plan(weights: &[Tree], window: Window, scene: &Scene, passes: Passes) -> Plan {
+    Plan::new(weights, window, &Facts::of(scene), passes).expect("the fixture has every feature")
+}
+
+/// What the tapes mean, computed one pixel and one instruction at a time, in
+/// the order of summation that `backend` states.
+fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
+    let (width, height) = (scene.layout().width(), scene.layout().height());
+    let window = plan.window();
+    let (radius, dilation) = (window.radius as i64, i64::from(window.dilation));
+    let read = |id, x: i64, y: i64| {
+        let x = x.clamp(0, width as i64 - 1) as usize;
+        scene.plane(id).expect("loaded").at(x, y as usize)
+    };
+    let weights = plan.pair().results().len();
+    let mut filtered = vec![Filtered::default(); weights];
+    for y in 0..height as i64 {
+        for x in 0..width as i64 {
+            let per_pixel = plan.pixel().eval(|input| match input {
+                Input::Plane(id, Side::I) => read(id, x, y),
+                other => panic!("{other:?} is not known per pixel"),
+            });
+            let mut sums = vec![[0.0f32; 5]; weights];
+            for v in -radius..=radius {
+                let below = y + v * dilation;
+                if !(0..height as i64).contains(&below) {
+                    continue;
+                }
+                let mut partial = vec![[0.0f32; 5]; weights];
+                for u in -radius..=radius {
+                    let beside = x + u * dilation;
+                    let inside = (0..width as i64).contains(&beside);
+                    let per_tap = plan.tap().eval(|input| match input {
+                        Input::Offset(Axis::X) => (u * dilation) as f32,
+                        Input::Offset(Axis::Y) => (v * dilation) as f32,
+                        other => panic!("{other:?} is not known per tap"),
+                    });
+                    let pair = plan.pair().eval(|input| match input {
+                        Input::Plane(id, Side::I) => read(id, x, y),
+                        Input::Plane(id, Side::J) => read(id, beside, below),
+                        Input::PerPixel(k) => per_pixel[k as usize],
+                        Input::PerTap(k) => per_tap[k as usize],
+                        Input::Offset(_) => panic!("offsets are read through the tap tape"),
+                    });
+                    let channel = |c: usize| match inside {
+                        true => scene.color()[c].at(beside as usize, below as usize),
+                        false => 0.0,
+                    };
+                    let one = f32::from(u8::from(inside));
+                    for (partial, w) in partial.iter_mut().zip(pair) {
+                        for c in 0..3 {
+                            partial[c] = w.mul_add(channel(c), partial[c]);
+                        }
+                        partial[3] = w.mul_add(one, partial[3]);
+                        partial[4] = w.abs().mul_add(one, partial[4]);
+                    }
+                }
+                for (sum, partial) in sums.iter_mut().flatten().zip(partial.iter().flatten()) {
+                    *sum += partial;
+                }
+            }
+            for (filtered, [r, g, b, total, magnitude]) in filtered.iter_mut().zip(sums) {
+                let magnitude = if plan.signed() { magnitude } else { total };
+                let least = tamis::backend::TRUSTED_SUM;
+                let share = tamis::backend::TRUSTED_SHARE;
+                if total.abs() >= least.max(share * magnitude) {
+                    filtered.pixels.push([r / total, g / total, b / total]);
+                } else {
+                    let (x, y) = (x as usize, y as usize);
+                    filtered.pixels.push([0, 1, 2].map(|c| scene.color()[c].at(x, y)));
+                    filtered.kept += 1;
+                }
+            }
+        }
+    }
+    filtered
+}
+
+fn run(backend: &dyn Backend, plan: &Plan, scene: &Scene) -> Vec<Filtered> {
+    let code = backend.compile(plan).expect("compiles");
+    code.run(scene, &[Rect::whole(scene)]).expect("runs")
+}
+
+/// Holds a back end to the scalar meaning and to the oracle on one weight.
+fn check(backend: &dyn Backend, scene: &Scene, text: &str, window: Window) {
+    let weight = parse(text);
+    let plan = plan(std::slice::from_ref(&weight), window, scene, Passes::ALL);
+    let got = run(backend, &plan, scene);
+    agree(backend, &got, &scalar(&plan, scene), text);
+
+    let stage = Stage { weight, window, source: Source::Color };
+    let exact = oracle::filter(scene, &stage, Rect::whole(scene));
+    for (k, (got, exact)) in got[0].pixels.iter().zip(&exact).enumerate() {
+        // Cancellation magnifies the error of the sums; sums near the guard's
+        // threshold may fall on either side of it.
+        let condition = exact.magnitude / exact.total.abs();
+        if condition > 500.0 || exact.magnitude < 1e-25 {
+            continue;
+        }
+        for c in 0..3 {
+            let scale = exact.color[c].abs().max(exact.brightest[c] * (condition - 1.0));
+            let error = (f64::from(got[c]) - exact.color[c]).abs();
+            assert!(
+                error <= tamis::backend::ACCURACY * condition * scale.max(1e-30),
+                "{text}: pixel {k} channel {c} is {} instead of {} (condition {condition})",
+                got[c],
+                exact.color[c]
+            );
+        }
+    }
+}
+
+fn agree(backend: &dyn Backend, got: &[Filtered], expected: &[Filtered], what: &str) {
+    match backend.agreement() {
+        Agreement::Bits => assert!(got == expected, "{} differs on {what}", backend.name()),
+        Agreement::Budget(budget) => {
+            for (got, expected) in got.iter().zip(expected) {
+                for (g, e) in got.pixels.iter().flatten().zip(expected.pixels.iter().flatten()) {
+                    let error = f64::from((g - e).abs());
+                    assert!(error <= budget * f64::from(e.abs()), "{what}: {g} instead of {e}");
+                }
+            }
+        }
+    }
+}
+
+fn every_operator(backend: &dyn Backend) {
+    let scene = scene(23, 9, 1);
+    for &op in Op::ALL {
+        let operand = parse("0.6 * distance2(color, color)");
+        let scalar = Tree::constant(0.75);
+        let vector = parse("dot(normal, normal)").subtree(0);
+        let operands: Vec<&Tree> = match op.operands() {
+            [tamis::expr::Sort::Scalar] => vec![&operand],
+            [tamis::expr::Sort::Scalar, _] => vec![&operand, &scalar],
+            _ => vec![&vector, &vector],
+        };
+        let tree = Tree::apply(op, &operands).expect("the operands are of the sorts it takes");
+        check(backend, &scene, &tree.to_string(), Window::dense(2));
+    }
+}
+
+fn every_term(backend: &dyn Backend) {
+    let scene = scene(17, 6, 2);
+    for (feature, quantity) in Feature::terms() {
+        let symbol = Symbol::of(feature, quantity).expect("terms() lists what can be spelt");
+        let leaf = Tree::leaf(symbol).expect("a leaf");
+        let scalar = match quantity {
+            Quantity::Variance => leaf,
+            Quantity::Value | Quantity::Gradient => {
+                Tree::apply(Op::Distance1, &[&leaf, &leaf]).expect("two vectors")
+            }
+        };
+        check(backend, &scene, &format!("1 / (1 + {scalar})"), Window::dense(1));
+        let text = format!("exp(-({scalar}) * distanceMax(texture, texture))");
+        check(backend, &scene, &text, Window::dense(1));
+    }
+}
+
+fn named_filters(backend: &dyn Backend) {
+    let scene = scene(40, 13, 3);
+    for &name in codebook::NAMES {
+        let tree = codebook::named(name).expect("listed");
+        check(backend, &scene, &tree.to_string(), Window::dense(4));
+    }
+}
+
+fn windows_and_shapes(backend: &dyn Backend) {
+    let text = "exp(-distance1(pixel, pixel) / 3) * (0.1 + distance2(color, color))";
+    for (width, height) in [(1, 1), (1, 7), (7, 1), (16, 2), (17, 3), (70, 5), (300, 2)] {
+        let scene = scene(width, height, 4);
+        for (radius, dilation) in [(0, 1), (1, 1), (3, 1), (2, 4), (16, 1)] {
+            check(backend, &scene, text, Window { radius, dilation });
+        }
+    }
+}
+
+fn rectangles_give_what_the_whole_gives(backend: &dyn Backend) {
+    let scene = scene(70, 20, 5);
+    let weights = [parse("exp(-distance2(normal, normal)) * nVariance")];
+    let plan = plan(&weights, Window::dense(3), &scene, Passes::ALL);
+    let whole = run(backend, &plan, &scene);
+    let rect = Rect { x: 13, y: 5, width: 31, height: 9 };
+    let second = Rect { x: 69, y: 19, width: 1, height: 1 };
+    let code = backend.compile(&plan).expect("compiles");
+    let part = code.run(&scene, &[rect, second]).expect("runs");
+    let expected: Vec<[f32; 3]> = [rect, second]
+        .iter()
+        .flat_map(|r| {
+            (r.y..r.y + r.height).flat_map(move |y| (r.x..r.x + r.width).map(move |x| (x, y)))
+        })
+        .map(|(x, y)| whole[0].pixels[y * 70 + x])
+        .collect();
+    assert_eq!(part[0].pixels, expected);
+    let outside = Rect { x: 60, y: 0, width: 11, height: 1 };
+    assert!(code.run(&scene, &[outside]).is_err());
+}
+
+fn several_weights_in_one_plan(backend: &dyn Backend) {
+    let scene = scene(33, 8, 6);
+    let weights = [
+        parse("exp(-distance2(normal, normal))"),
+        parse("exp(-distance2(normal, normal)) - 0.5"),
+        parse("1"),
+    ];
+    let window = Window::dense(2);
+    let together = run(backend, &plan(&weights, window, &scene, Passes::ALL), &scene);
+    for (weight, together) in weights.iter().zip(&together) {
+        let alone = plan(std::slice::from_ref(weight), window, &scene, Passes::ALL);
+        assert!(run(backend, &alone, &scene)[0] == *together, "{weight}");
+    }
+}
+
+fn untrusted_sums_keep_the_noisy_colour(backend: &dyn Backend) {
+    let scene = scene(12, 5, 7);
+    for text in ["0", "0 * distance2(color, color)", "exp(-80)", "distance1(pixel, pixel) - 1.2"] {
+        let plan = plan(&[parse(text)], Window::dense(1), &scene, Passes::ALL);
+        let got = run(backend, &plan, &scene);
+        agree(backend, &got, &scalar(&plan, &scene), text);
+    }
+    let nothing = plan(&[parse("0")], Window::dense(1), &scene, Passes::ALL);
+    let got = &run(backend, &nothing, &scene)[0];
+    assert_eq!(got.kept, 60);
+    assert_eq!(got.pixels[13], [0, 1, 2].map(|c| scene.color()[c].at(1, 1)));
+}
+
+fn a_constant_image_stays_constant(backend: &dyn Backend) {
+    let scene = fixture::constant_color(30, 9, [0.25, 3.0, 1e-4]);
+    for &name in codebook::NAMES {
+        let weight = codebook::named(name).expect("listed").clone();
+        let plan = plan(&[weight], Window::dense(3), &scene, Passes::ALL);
+        for pixel in &run(backend, &plan, &scene)[0].pixels {
+            for (got, expected) in pixel.iter().zip([0.25f32, 3.0, 1e-4]) {
+                assert!((got - expected).abs() <= 1e-5 * expected, "{name}: {got}");
+            }
+        }
+    }
+}
+
+fn passes_change_cost_not_meaning(backend: &dyn Backend) {
+    let scene = scene(25, 7, 8);
+    let bred = "pow(nVariance + 0.5, 2) * exp(-distance2(normal, normal) * 2) \
+                * exp(-distanceMax(texture, texture) / 0.3) / (1 + sin(dVariance))";
+    let mut trees = vec![parse(bred)];
+    trees.extend(codebook::NAMES.iter().map(|n| codebook::named(n).expect("listed").clone()));
+    for tree in trees {
+        let plan = |passes| plan(std::slice::from_ref(&tree), Window::dense(2), &scene, passes);
+        let all = run(backend, &plan(Passes::ALL), &scene);
+        let mut others = vec![(Passes::NONE, "all", false)];
+        others.extend(PASSES.iter().map(|row| {
+            (Passes::ALL.without(row.name).expect("listed"), row.name, row.exact)
+        }));
+        for (passes, name, exact) in others {
+            let off = run(backend, &plan(passes), &scene);
+            for (on, off) in all[0].pixels.iter().flatten().zip(off[0].pixels.iter().flatten()) {
+                let same = if exact {
+                    on == off
+                } else {
+                    f64::from((on - off).abs()) <= 2.0 * tamis::backend::ACCURACY * f64::from(*on)
+                };
+                assert!(same, "{tree} without {name}: {off} instead of {on}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_interpreter_and_machine_code_agree_on_bred_trees() {
+    let scene = scene(61, 6, 9);
+    let jit = jit(tamis_jit::Chains::Four);
+    for text in fixture::bred() {
+        let plan = plan(&[parse(text)], Window::dense(3), &scene, Passes::ALL);
+        let interpreted = run(&Interpreter, &plan, &scene);
+        assert!(interpreted == run(&jit, &plan, &scene), "{text}");
+        let finite = interpreted[0].pixels.iter().flatten().all(|x| x.is_finite());
+        assert!(finite, "{text}");
+    }
+}
+
+#[test]
+fn the_result_does_not_depend_on_the_number_of_threads() {
+    let scene = scene(64, 30, 10);
+    let weight = codebook::named("kan2017").expect("listed").clone();
+    let plan = plan(&[weight], Window::dense(5), &scene, Passes::ALL);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| run(&Interpreter, &plan, &scene))
+    };
+    let one = on(1);
+    assert!(one == on(2) && one == on(5));
+}
