@@ -2,6 +2,8 @@
 //! Analytic filters for Monte Carlo noise.
 
 pub mod backend;
+pub mod cli;
 pub mod expr;
 pub mod plan;
+pub mod report;
 pub mod scene;

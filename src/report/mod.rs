@@ -10,8 +10,7 @@ pub mod picture;
 pub mod score;
 pub mod sheet;
 pub mod table;
-pub mod training;
 
 pub use picture::Picture;
-pub use score::{Measured, Score, ScoreTable};
+pub use score::{Measured, Score, ScoreTable, Total};
 pub use table::{Align, Format, Table};
