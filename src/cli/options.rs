@@ -19,7 +19,7 @@ pub(super) enum BackendChoice {
 
 impl BackendChoice {
     /// The best that this build has.
-    const DEFAULT: Self = if cfg!(feature = "jit") { Self::Jit } else { Self::Interp };
+    pub(super) const DEFAULT: Self = if cfg!(feature = "jit") { Self::Jit } else { Self::Interp };
 
     /// The back end, if this computer has it.
     pub(super) fn open(self) -> Result<Box<dyn Backend>, Error> {

@@ -6,7 +6,7 @@ mod progress;
 mod record;
 mod stand_in;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;

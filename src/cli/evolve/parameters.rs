@@ -65,9 +65,9 @@ const PARAMETERS: &[Parameter] = parameters! {
         "How often it multiplies a constant (not in the paper)";
     "jitter-sigma" "SIGMA" jitter_sigma:
         "Standard deviation of that factor's logarithm";
-    "max-nodes" "N" limits.nodes:
+    "max-nodes" "N" max_nodes:
         "Most nodes of an expression";
-    "max-depth" "N" limits.depth:
+    "max-depth" "N" max_depth:
         "Most levels of an expression";
     "initial" "NAME|EXPRESSION" initial:
         "What the initial population are mutants of";
