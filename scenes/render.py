@@ -64,7 +64,7 @@ def render_scene(name, module, out, preview=None):
     scene = importlib.import_module(module)
     render = renderer(scene)
     channels = noisy(render, scene.EXPOSURE, 1)
-    spp = 64 if preview else scene.REFERENCE_SPP
+    spp = 8 if preview else scene.REFERENCE_SPP
     halves = [render.mean(spp // 2, seed) * scene.EXPOSURE for seed in HALVES]
     reference = (halves[0] + halves[1]) / 2
 

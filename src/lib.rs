@@ -3,6 +3,7 @@
 
 pub mod backend;
 pub mod cli;
+pub mod evolve;
 pub mod expr;
 pub mod plan;
 pub mod report;

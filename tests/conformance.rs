@@ -234,9 +234,8 @@ fn every_term(backend: &dyn Backend) {
 
 fn named_filters(backend: &dyn Backend) {
     let scene = scene(40, 13, 3);
-    for &name in codebook::NAMES {
-        let tree = codebook::named(name).expect("listed");
-        check(backend, &scene, &tree.to_string(), Window::dense(4));
+    for known in codebook::known() {
+        check(backend, &scene, &known.weight.to_string(), Window::dense(4));
     }
 }
 
@@ -301,9 +300,10 @@ fn untrusted_sums_keep_the_noisy_colour(backend: &dyn Backend) {
 
 fn a_constant_image_stays_constant(backend: &dyn Backend) {
     let scene = fixture::constant_color(30, 9, [0.25, 3.0, 1e-4]);
-    for &name in codebook::NAMES {
-        let weight = codebook::named(name).expect("listed").clone();
-        let plan = plan(&[weight], Window::dense(3), &scene, Passes::ALL);
+    for known in codebook::known() {
+        let name = known.name;
+        let weights = std::slice::from_ref(&known.weight);
+        let plan = plan(weights, Window::dense(3), &scene, Passes::ALL);
         for pixel in &run(backend, &plan, &scene)[0].pixels {
             for (got, expected) in pixel.iter().zip([0.25f32, 3.0, 1e-4]) {
                 assert!((got - expected).abs() <= 1e-5 * expected, "{name}: {got}");
@@ -317,14 +317,16 @@ fn passes_change_cost_not_meaning(backend: &dyn Backend) {
     let bred = "pow(nVariance + 0.5, 2) * exp(-distance2(normal, normal) * 2) \
                 * exp(-distanceMax(texture, texture) / 0.3) / (1 + sin(dVariance))";
     let mut trees = vec![parse(bred)];
-    trees.extend(codebook::NAMES.iter().map(|n| codebook::named(n).expect("listed").clone()));
+    trees.extend(codebook::known().iter().map(|known| known.weight.clone()));
     for tree in trees {
         let plan = |passes| plan(std::slice::from_ref(&tree), Window::dense(2), &scene, passes);
         let all = run(backend, &plan(Passes::ALL), &scene);
         let mut others = vec![(Passes::NONE, "all", false)];
-        others.extend(PASSES.iter().map(|row| {
-            (Passes::ALL.without(row.name).expect("listed"), row.name, row.exact)
-        }));
+        others.extend(
+            PASSES
+                .iter()
+                .map(|row| (Passes::ALL.without(row.name).expect("listed"), row.name, row.exact)),
+        );
         for (passes, name, exact) in others {
             let off = run(backend, &plan(passes), &scene);
             for (on, off) in all[0].pixels.iter().flatten().zip(off[0].pixels.iter().flatten()) {

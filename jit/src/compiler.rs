@@ -134,7 +134,9 @@ impl Compiler {
 fn flags() -> Result<settings::Flags, SetError> {
     let mut flags = settings::builder();
     // The optimiser reorders instructions and so undoes the interleaving of
-    // chains; allocating registers well is worth its time.
+    // chains. Allocating registers in a single pass would halve the time to
+    // compile and cost 1.35-1.5 times as much to run: 0.24 ms for 0.4 ns per
+    // pair, which pays only below some 600,000 pairs.
     flags.set("opt_level", "none")?;
     flags.set("regalloc_algorithm", "backtracking")?;
     // The verifier guards against mistakes of this crate, not of its callers.

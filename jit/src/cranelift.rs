@@ -1,5 +1,5 @@
-//! [`Lanes`] and the loops on top of Cranelift's 128-bit vectors: four lanes per
-//! chain, `N` chains side by side.
+//! [`Lanes`] on top of Cranelift's 128-bit vectors: four lanes per chain, `N`
+//! chains side by side. The loops around them are in [`loops`].
 //!
 //! A kernel waits on latency more than on throughput, so every node is emitted
 //! for all chains before the next node begins: neighbours in the instruction
@@ -19,18 +19,21 @@
 //! The x86-64 patterns need to see the comparison itself, which is why a mask is
 //! nothing but the result of [`Lanes::lt`].
 
+mod loops;
+
 use std::array;
 use std::mem::offset_of;
 
 use cranelift_codegen::ir::condcodes::FloatCC;
 use cranelift_codegen::ir::types::{F32, F32X4, I32X4, I64};
-use cranelift_codegen::ir::{BlockArg, ConstantData, InstBuilder, MemFlagsData, Type, Value};
+use cranelift_codegen::ir::{ConstantData, InstBuilder, MemFlagsData, Type, Value};
 use cranelift_frontend::FunctionBuilder;
 
 use crate::call::Call;
 use crate::error::CompileError;
 use crate::lanes::{Lanes, Side};
-use crate::window::{Nest, WindowSpec};
+use crate::window::WindowSpec;
+use loops::{Cursors, Partials};
 
 /// Lanes in a vector.
 pub(crate) const LANES: usize = 4;
@@ -50,15 +53,6 @@ pub(crate) struct Node<const N: usize>([Value; N]);
 #[derive(Clone, Copy)]
 pub(crate) struct Mask<const N: usize>([Value; N]);
 
-/// Where the loops stand; see the table in [`call`](crate::call).
-#[derive(Clone, Copy)]
-struct Cursors {
-    pixel: Value,
-    neighbour: Value,
-    tap: Value,
-    out: Value,
-}
-
 /// Emits into one Cranelift function.
 pub(crate) struct Assembler<'f, const N: usize> {
     builder: FunctionBuilder<'f>,
@@ -66,6 +60,7 @@ pub(crate) struct Assembler<'f, const N: usize> {
     call: Value,
     planes: Value,
     at: Cursors,
+    partials: Partials<N>,
     fault: Option<CompileError>,
 }
 
@@ -84,7 +79,8 @@ impl<'f, const N: usize> Assembler<'f, N> {
             tap: field(offset_of!(Call, taps)),
             out: field(offset_of!(Call, out)),
         };
-        Self { builder, spec, call, planes, at, fault: None }
+        let partials = Partials::new(&mut builder, spec.results());
+        Self { builder, spec, call, planes, at, partials, fault: None }
     }
 
     /// Closes the function; reports the first plane or tap value that the body
@@ -111,54 +107,6 @@ impl<'f, const N: usize> Assembler<'f, N> {
         self.builder.ins().vconst(ty, handle)
     }
 
-    /// Emits a loop that runs `count` times, at least once, and passes `carried`
-    /// from one round to the next; returns what the last round passed on.
-    fn repeat(
-        &mut self,
-        count: Value,
-        carried: &[Value],
-        body: impl FnOnce(&mut Self, &[Value]) -> Vec<Value>,
-    ) -> Vec<Value> {
-        let [head, exit] = array::from_fn(|_| self.builder.create_block());
-        let mut start = vec![BlockArg::Value(count)];
-        self.builder.append_block_param(head, I64);
-        for &value in carried {
-            let ty = self.builder.func.dfg.value_type(value);
-            self.builder.append_block_param(head, ty);
-            start.push(BlockArg::Value(value));
-        }
-        self.builder.ins().jump(head, &start);
-        self.builder.switch_to_block(head);
-
-        let params = self.builder.block_params(head).to_vec();
-        let next = body(self, &params[1..]);
-
-        let left = self.builder.ins().iadd_imm_s(params[0], -1);
-        let again: Vec<_> =
-            [left].iter().chain(&next).map(|&value| BlockArg::Value(value)).collect();
-        self.builder.ins().brif(left, head, &again, exit, &[]);
-        self.builder.switch_to_block(exit);
-        next
-    }
-
-    /// `cursor` moved by a constant number of bytes.
-    fn advance(&mut self, cursor: Value, bytes: usize) -> Value {
-        self.builder.ins().iadd_imm_u(cursor, bytes as i64)
-    }
-
-    /// `cursor` moved by a number of bytes from the [`Call`].
-    fn advance_by_field(&mut self, cursor: Value, offset: usize) -> Value {
-        let bytes = self.field(offset);
-        self.builder.ins().iadd(cursor, bytes)
-    }
-
-    /// The address of a result of the chunk at hand.
-    fn result(&mut self, index: usize) -> Value {
-        let stride = self.field(offset_of!(Call, out_stride));
-        let offset = self.builder.ins().imul_imm_u(stride, index as i64);
-        self.builder.ins().iadd(self.at.out, offset)
-    }
-
     /// Remembers the first fault and stands in for the value.
     fn refuse(&mut self, fault: CompileError) -> Node<N> {
         self.fault.get_or_insert(fault);
@@ -174,7 +122,7 @@ fn cast(builder: &mut FunctionBuilder<'_>, ty: Type, value: Value) -> Value {
     builder.ins().bitcast(ty, MemFlagsData::new(), value)
 }
 
-/// `if x < y { a } else { b }`, in the form that becomes one instruction where
+/// `if mask { a } else { b }`, in the form that becomes one instruction where
 /// there is one.
 fn choose(builder: &mut FunctionBuilder<'_>, mask: Value, a: Value, b: Value) -> Value {
     let mask = cast(builder, F32X4, mask);
@@ -308,77 +256,4 @@ impl<const N: usize> Lanes for Assembler<'_, N> {
     fn select(&mut self, mask: Mask<N>, x: Node<N>, y: Node<N>) -> Node<N> {
         self.each(|b, k| choose(b, mask.0[k], x.0[k], y.0[k]))
     }
-}
-
-/// Every loop moves its cursors on and puts them back where it found them, but
-/// for the tap's, which runs on from one row of taps into the next.
-impl<const N: usize> Nest for Assembler<'_, N> {
-    fn for_chunks(&mut self, body: impl FnOnce(&mut Self)) {
-        let start = self.at;
-        let step = N * LANES * size_of::<f32>();
-        let count = self.field(offset_of!(Call, chunks));
-        let carried = [start.pixel, start.neighbour, start.out];
-        self.repeat(count, &carried, |asm, at| {
-            asm.at = Cursors { pixel: at[0], neighbour: at[1], out: at[2], ..start };
-            body(asm);
-            at.iter().map(|&cursor| asm.advance(cursor, step)).collect()
-        });
-        self.at = start;
-    }
-
-    fn for_rows(&mut self, body: impl FnOnce(&mut Self)) {
-        let start = self.at;
-        let count = self.field(offset_of!(Call, rows));
-        self.repeat(count, &[start.neighbour, start.tap], |asm, at| {
-            asm.at.neighbour = at[0];
-            asm.at.tap = at[1];
-            body(asm);
-            let below = asm.advance_by_field(at[0], offset_of!(Call, row_step));
-            vec![below, asm.at.tap]
-        });
-        self.at = start;
-    }
-
-    fn fold_columns(
-        &mut self,
-        start: Vec<Node<N>>,
-        step: impl FnOnce(&mut Self, &[Node<N>]) -> Vec<Node<N>>,
-    ) -> Vec<Node<N>> {
-        let row = self.at;
-        let tap_bytes = self.spec.taps * size_of::<f32>();
-        let count = self.field(offset_of!(Call, columns));
-        let mut carried = vec![row.neighbour, row.tap];
-        carried.extend(start.iter().flat_map(|node| node.0));
-        let last = self.repeat(count, &carried, |asm, at| {
-            asm.at.neighbour = at[0];
-            asm.at.tap = at[1];
-            let next = step(asm, &nodes(&at[2..]));
-            let mut carried = vec![
-                asm.advance_by_field(at[0], offset_of!(Call, column_step)),
-                asm.advance(at[1], tap_bytes),
-            ];
-            carried.extend(next.iter().flat_map(|node| node.0));
-            carried
-        });
-        self.at = Cursors { tap: last[1], ..row };
-        nodes(&last[2..])
-    }
-
-    fn load_result(&mut self, index: usize) -> Node<N> {
-        let address = self.result(index);
-        self.each(|b, k| b.ins().load(F32X4, UNALIGNED, address, k as i32 * VECTOR))
-    }
-
-    fn store_result(&mut self, index: usize, value: Node<N>) {
-        let address = self.result(index);
-        for (k, &value) in value.0.iter().enumerate() {
-            let place = k as i32 * VECTOR;
-            self.builder.ins().store(UNALIGNED, value, address, place);
-        }
-    }
-}
-
-/// The nodes that were flattened into `values`.
-fn nodes<const N: usize>(values: &[Value]) -> Vec<Node<N>> {
-    values.chunks_exact(N).map(|chunk| Node(array::from_fn(|chain| chunk[chain]))).collect()
 }

@@ -29,6 +29,10 @@ pub trait Lanes {
     type M: Copy;
 
     /// `value` in every lane.
+    ///
+    /// Best emitted right before its use, and once for several uses that are
+    /// close: one load serves all chains, but a constant kept over a long body
+    /// takes a register from it.
     fn constant(&mut self, value: f32) -> Self::F;
 
     /// The value of plane number `index` at one pixel of the pair.

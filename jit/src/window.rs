@@ -42,7 +42,7 @@ pub struct WindowSpec {
 
 impl WindowSpec {
     /// The most planes, tap values or results that a kernel takes.
-    pub const LIMIT: usize = 1 << 16;
+    pub const LIMIT: usize = 1 << 12;
 
     /// Sums per output pixel: weights × channels, with the absolute sums.
     pub fn results(&self) -> usize {
@@ -87,81 +87,71 @@ pub(crate) trait Nest: Lanes {
     /// Loops over the rows of taps.
     fn for_rows(&mut self, body: impl FnOnce(&mut Self));
 
-    /// Loops over the taps of a row, carrying values from one to the next;
-    /// returns them as they are after the last.
-    fn fold_columns(
-        &mut self,
-        start: Vec<Self::F>,
-        step: impl FnOnce(&mut Self, &[Self::F]) -> Vec<Self::F>,
-    ) -> Vec<Self::F>;
+    /// Loops over the taps of a row, with the row's partials starting at +0.0.
+    fn for_columns(&mut self, body: impl FnOnce(&mut Self));
 
-    /// The result number `index` of the chunk at hand, as it stands.
-    fn load_result(&mut self, index: usize) -> Self::F;
+    /// Adds `channel` × `weight` to partial number `index`, rounding once.
+    fn accumulate(&mut self, index: usize, channel: Self::F, weight: Self::F);
 
-    /// Replaces it.
+    /// The partial number `index`, after the loop over the taps of a row.
+    fn partial(&mut self, index: usize) -> Self::F;
+
+    /// Sets result number `index` of the chunk at hand.
     fn store_result(&mut self, index: usize, value: Self::F);
+
+    /// Adds to it.
+    fn add_to_result(&mut self, index: usize, value: Self::F);
 }
 
 /// Emits the whole nest around `body`.
 ///
-/// Row partials are carried in registers, sums live in the output: a sum is
-/// touched once per row of taps, so it would only push partials out.
+/// Sums live in the output: they are touched once per row of taps. Where the
+/// partials live is the code generator's choice.
 pub(crate) fn emit<N: Nest, B: Body>(
     nest: &mut N,
     spec: &WindowSpec,
     body: &B,
 ) -> Result<(), CompileError> {
-    let mut found = None;
+    let mut found = spec.weights;
     nest.for_chunks(|nest| {
         let zero = nest.constant(0.0);
         for index in 0..spec.results() {
             nest.store_result(index, zero);
         }
         nest.for_rows(|nest| {
-            let zero = nest.constant(0.0);
-            let partials = nest.fold_columns(vec![zero; spec.results()], |nest, partials| {
+            nest.for_columns(|nest| {
                 let weights = body.emit(nest);
-                found = Some(weights.len());
-                accumulate(nest, spec, &weights, partials)
+                found = weights.len();
+                add_tap(nest, spec, &weights);
             });
-            for (index, &partial) in partials.iter().enumerate() {
-                let sum = nest.load_result(index);
-                let sum = nest.add(sum, partial);
-                nest.store_result(index, sum);
+            for index in 0..spec.results() {
+                let partial = nest.partial(index);
+                nest.add_to_result(index, partial);
             }
         });
     });
-    match found {
-        Some(found) if found != spec.weights => {
-            Err(CompileError::Weights { expected: spec.weights, found })
-        }
-        Some(_) | None => Ok(()),
+    if found == spec.weights {
+        Ok(())
+    } else {
+        Err(CompileError::Weights { expected: spec.weights, found })
     }
 }
 
-/// Adds one tap to the partials: all channels of all weights, in result order.
+/// Adds one tap to all channels of all weights.
 ///
-/// Each channel is loaded once for all weights. Partials that no weight reaches
-/// (the body returned too few) are passed on, for the caller to report.
-fn accumulate<L: Lanes>(
-    lanes: &mut L,
-    spec: &WindowSpec,
-    weights: &[L::F],
-    partials: &[L::F],
-) -> Vec<L::F> {
-    let channels: Vec<_> =
-        (0..spec.channels).map(|channel| lanes.plane(channel, Side::J)).collect();
-    let mut next = partials.to_vec();
-    for (k, &weight) in weights.iter().take(spec.weights).enumerate() {
-        for (c, &channel) in channels.iter().enumerate() {
-            let n = spec.result(k, c);
-            next[n] = lanes.fma(weight, channel, partials[n]);
-        }
-        if spec.absolute {
-            let n = spec.result(k, spec.channels);
-            let size = lanes.abs(weight);
-            next[n] = lanes.fma(size, channels[spec.channels - 1], partials[n]);
+/// Each channel is loaded once, right before its use: loaded all together, the
+/// channels would push partials out of the registers.
+fn add_tap<N: Nest>(nest: &mut N, spec: &WindowSpec, weights: &[N::F]) {
+    // One weight too many is the caller's to report.
+    let weights = &weights[..weights.len().min(spec.weights)];
+    for c in 0..spec.channels {
+        let channel = nest.plane(c, Side::J);
+        for (k, &weight) in weights.iter().enumerate() {
+            nest.accumulate(spec.result(k, c), channel, weight);
+            if spec.absolute && c + 1 == spec.channels {
+                let size = nest.abs(weight);
+                nest.accumulate(spec.result(k, spec.channels), channel, size);
+            }
         }
     }
-    next
 }

@@ -139,12 +139,7 @@ impl Program {
 
     /// A result of the last run.
     #[inline(always)]
-    pub(super) fn result<'a>(
-        &self,
-        index: usize,
-        inputs: &[Arg<'a>],
-        slots: &'a Slots,
-    ) -> Arg<'a> {
+    pub(super) fn result<'a>(&self, index: usize, inputs: &[Arg<'a>], slots: &'a Slots) -> Arg<'a> {
         fetch(self.results[index], inputs, &slots.0)
     }
 }

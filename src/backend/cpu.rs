@@ -8,8 +8,8 @@ use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at};
 use crate::expr::PlaneId;
 use crate::expr::tape::{Axis, Input, Side};
 use crate::plan::{Plan, Window};
-use crate::scene::plane::{Layout, Plane, Samples};
 use crate::scene::Scene;
+use crate::scene::plane::{Layout, Plane, Samples};
 
 /// Rows of a strip: enough work that handing it out costs nothing, few enough
 /// that two cores are still both busy at the end of a small image.
@@ -157,9 +157,8 @@ impl Rates {
             return Vec::new();
         }
         let chunks = taps.div_ceil(LANES);
-        let offset = |index: usize| {
-            index as f32 * self.window.dilation as f32 - self.window.reach() as f32
-        };
+        let offset =
+            |index: usize| index as f32 * self.window.dilation as f32 - self.window.reach() as f32;
         let coordinates = |along: fn(usize, usize) -> usize| -> Vec<f32> {
             let diameter = self.window.diameter();
             (0..chunks * LANES).map(|k| offset(along(k.min(taps - 1), diameter))).collect()
@@ -179,7 +178,7 @@ impl Rates {
             })
             .collect();
         let mut slots = Slots::default();
-        vectorized(|| self.tap.run(&inputs, &mut slots, chunks));
+        run(&self.tap, &inputs, &mut slots, chunks);
         let mut table = vec![0.0; taps * values];
         for value in 0..values {
             copy(self.tap.result(value, &inputs, &slots), taps, |k, x| {
@@ -224,7 +223,7 @@ impl Rates {
                         }
                     })
                     .collect();
-                vectorized(|| self.pixel.run(&inputs, slots, chunks));
+                run(&self.pixel, &inputs, slots, chunks);
                 let mut block = vec![0.0; values * width];
                 for value in 0..values {
                     copy(self.pixel.result(value, &inputs, slots), width, |k, x| {
@@ -252,8 +251,7 @@ impl Rates {
         sums: &[f32],
     ) -> Filtered {
         let per_weight = CHANNELS + usize::from(self.signed);
-        let mut filtered =
-            Filtered { pixels: Vec::with_capacity(strip.pixels()), kept: 0 };
+        let mut filtered = Filtered { pixels: Vec::with_capacity(strip.pixels()), kept: 0 };
         for row in 0..strip.height {
             let result = |channel: usize| {
                 let index = row * shape.results + weight * per_weight + channel;
@@ -262,8 +260,7 @@ impl Rates {
             let [r, g, b, total] = [0, 1, 2, 3].map(result);
             let magnitude = if self.signed { result(CHANNELS) } else { total };
             for k in 0..strip.width {
-                let trusted =
-                    total[k].abs() >= TRUSTED_SUM.max(TRUSTED_SHARE * magnitude[k]);
+                let trusted = total[k].abs() >= TRUSTED_SUM.max(TRUSTED_SHARE * magnitude[k]);
                 let mean = [r[k] / total[k], g[k] / total[k], b[k] / total[k]];
                 if trusted && mean.iter().all(|x| x.is_finite()) {
                     filtered.pixels.push(mean);
@@ -301,10 +298,29 @@ fn strips(scene: &Scene, region: &[Rect]) -> Result<Vec<Rect>, BackendError> {
     Ok(strips)
 }
 
-/// Runs `work` compiled for the host's vector units.
-#[inline(always)]
-pub(super) fn vectorized<R>(work: impl FnOnce() -> R) -> R {
-    pulp::Arch::new().dispatch(work)
+/// Runs a program once, compiled for the host's vector units.
+///
+/// It takes a type of its own, not a closure: only a method can be told to be
+/// inlined into the code that has those units enabled, and arithmetic that is
+/// not is twenty times slower (`mul_add` is then a library call).
+struct Run<'a> {
+    program: &'a Program,
+    inputs: &'a [Arg<'a>],
+    slots: &'a mut Slots,
+    chunks: usize,
+}
+
+impl pulp::WithSimd for Run<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        self.program.run(self.inputs, self.slots, self.chunks);
+    }
+}
+
+fn run(program: &Program, inputs: &[Arg<'_>], slots: &mut Slots, chunks: usize) {
+    pulp::Arch::new().dispatch(Run { program, inputs, slots, chunks });
 }
 
 fn copy(from: Arg<'_>, count: usize, mut to: impl FnMut(usize, f32)) {

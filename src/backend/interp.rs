@@ -1,7 +1,7 @@
 //! The interpreter: the reference that every other back end is compared with.
 
 use super::block::{Arg, BLOCK, Chunk, LANES, Program, Slots, accumulate, accumulate_magnitude};
-use super::cpu::{CHANNELS, Frame, Rates, SumShape, Summer, vectorized};
+use super::cpu::{CHANNELS, Frame, Rates, SumShape, Summer};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::tape::{Input, Side};
 use crate::plan::Plan;
@@ -68,91 +68,95 @@ impl Summer for Pair {
         // Wide strips are cut into equal blocks rather than full ones and a rest.
         let chunks = stride / LANES;
         let block = chunks.div_ceil(chunks.div_ceil(BLOCK));
-        vectorized(|| {
-            for row in 0..strip.height {
-                let sums = &mut out[row * results * stride..][..results * stride];
-                for first in (0..chunks).step_by(block) {
-                    let place = Place {
-                        x: strip.x + first * LANES,
-                        y: strip.y + row,
-                        chunks: block.min(chunks - first),
-                    };
-                    self.block(frame, place, scratch, |result, partial| {
-                        let start = result * stride + first * LANES;
-                        let sums = sums[start..].as_chunks_mut::<LANES>().0;
-                        for (sum, partial) in sums.iter_mut().zip(partial) {
-                            for lane in 0..LANES {
-                                sum[lane] += partial[lane];
-                            }
-                        }
-                    });
-                }
+        for row in 0..strip.height {
+            for first in (0..chunks).step_by(block) {
+                pulp::Arch::new().dispatch(Block {
+                    pair: self,
+                    frame,
+                    x: strip.x + first * LANES,
+                    y: strip.y + row,
+                    chunks: block.min(chunks - first),
+                    scratch,
+                    sums: &mut out[row * results * stride + first * LANES..],
+                    stride,
+                });
             }
-        });
+        }
         Ok(SumShape { results, stride })
     }
 }
 
-/// A run of pixels within a row.
-#[derive(Clone, Copy)]
-struct Place {
+/// The sums of a run of pixels within a row; a type and not a closure for the
+/// reason given in `cpu`.
+struct Block<'a> {
+    pair: &'a Pair,
+    frame: &'a Frame<'a>,
     x: usize,
     y: usize,
     chunks: usize,
+    scratch: &'a mut Scratch,
+    /// Where the sums of the first result begin; the others' follow `stride`
+    /// apart.
+    sums: &'a mut [f32],
+    stride: usize,
 }
 
-impl Pair {
-    /// Sums over the window of every pixel of a block, handing the partial sums
-    /// of each of the window's rows to `add`.
+impl pulp::WithSimd for Block<'_> {
+    type Output = ();
+
     #[inline(always)]
-    fn block(
-        &self,
-        frame: &Frame<'_>,
-        at: Place,
-        scratch: &mut Scratch,
-        mut add: impl FnMut(usize, &[Chunk]),
-    ) {
-        let weights = self.program.results();
-        let results = weights * (CHANNELS + usize::from(self.signed));
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { pair, frame, chunks, .. } = self;
+        let Scratch { slots, partial } = self.scratch;
+        let program = &pair.program;
+        let weights = program.results();
+        let results = weights * (CHANNELS + usize::from(pair.signed));
         let radius = frame.window.radius as usize;
         let dilation = frame.window.dilation as usize;
-        let here = frame.layout.index(at.x, at.y);
-        let mut inputs: Vec<Arg<'_>> = Vec::with_capacity(self.program.inputs().len());
+        let here = frame.layout.index(self.x, self.y);
+        let mut inputs: Vec<Arg<'_>> = Vec::with_capacity(program.inputs().len());
         for v in 0..frame.window.diameter() {
-            let Some(y) = (at.y + v * dilation).checked_sub(radius * dilation) else { continue };
+            let Some(y) = (self.y + v * dilation).checked_sub(radius * dilation) else { continue };
             if y >= frame.layout.height() {
                 break;
             }
-            scratch.partial.clear();
-            scratch.partial.resize(results * at.chunks, [0.0; LANES]);
+            partial.clear();
+            partial.resize(results * chunks, [0.0; LANES]);
             for u in 0..frame.window.diameter() {
-                let there = frame.layout.index(at.x, y) + u * dilation - radius * dilation;
+                let there = frame.layout.index(self.x, y) + u * dilation - radius * dilation;
                 let tap = (v * frame.window.diameter() + u) * frame.taps;
                 inputs.clear();
-                inputs.extend(self.program.inputs().iter().map(|input| match *input {
-                    Input::Plane(plane, Side::I) => blocks(&frame.plane(plane)[here..]),
-                    Input::Plane(plane, Side::J) => blocks(&frame.plane(plane)[there..]),
-                    Input::PerPixel(k) => blocks(&frame.per_pixel[k as usize][here..]),
-                    Input::PerTap(k) => Arg::Splat(frame.per_tap[tap + k as usize]),
-                    Input::Offset(_) => unreachable!("offsets are read through the tap tape"),
-                }));
-                self.program.run(&inputs, &mut scratch.slots, at.chunks);
-                let mut partial = scratch.partial.chunks_exact_mut(at.chunks);
+                for input in program.inputs() {
+                    inputs.push(match *input {
+                        Input::Plane(plane, Side::I) => blocks(&frame.plane(plane)[here..]),
+                        Input::Plane(plane, Side::J) => blocks(&frame.plane(plane)[there..]),
+                        Input::PerPixel(k) => blocks(&frame.per_pixel[k as usize][here..]),
+                        Input::PerTap(k) => Arg::Splat(frame.per_tap[tap + k as usize]),
+                        Input::Offset(_) => unreachable!("offsets are read through the tap tape"),
+                    });
+                }
+                program.run(&inputs, slots, chunks);
+                let mut partial = partial.chunks_exact_mut(chunks);
                 for weight in 0..weights {
-                    let w = self.program.result(weight, &inputs, &scratch.slots);
+                    let w = program.result(weight, &inputs, slots);
                     for channel in frame.channels {
                         let sums = partial.next().expect("one run of sums per result");
                         accumulate(w, channel[there..].as_chunks().0, sums);
                     }
-                    if self.signed {
+                    if pair.signed {
                         let one = frame.channels[CHANNELS - 1];
                         let sums = partial.next().expect("one run of sums per result");
                         accumulate_magnitude(w, one[there..].as_chunks().0, sums);
                     }
                 }
             }
-            for (result, partial) in scratch.partial.chunks_exact(at.chunks).enumerate() {
-                add(result, partial);
+            for (result, partial) in partial.chunks_exact(chunks).enumerate() {
+                let sums = self.sums[result * self.stride..].as_chunks_mut::<LANES>().0;
+                for (sum, partial) in sums.iter_mut().zip(partial) {
+                    for lane in 0..LANES {
+                        sum[lane] += partial[lane];
+                    }
+                }
             }
         }
     }

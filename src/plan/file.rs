@@ -149,9 +149,11 @@ impl Filter {
             {
                 return Err(FilterFileError::Window { path: path(), stage, radius, dilation });
             }
-            let weight = weight
-                .parse()
-                .map_err(|source| FilterFileError::Weight { path: path(), stage, source })?;
+            let weight = weight.parse().map_err(|source| FilterFileError::Weight {
+                path: path(),
+                stage,
+                source,
+            })?;
             Ok(Stage { weight, window: Window { radius, dilation }, source })
         });
         Ok(Self { name: file.name, stages: stages.collect::<Result<_, _>>()? })
@@ -221,9 +223,12 @@ mod tests {
         assert!(future.contains("filter.toml") && future.contains("version 9"), "{future}");
         let unknown = message(&format!("version = 1\nname = \"x\"\n{stage}guide = 2\n"));
         assert!(unknown.contains("guide"), "{unknown}");
-        let weight = message("version = 1\nname = \"x\"\n[[stage]]\nweight = \"exp(\"\nradius = 3\n");
+        let weight =
+            message("version = 1\nname = \"x\"\n[[stage]]\nweight = \"exp(\"\nradius = 3\n");
         assert!(weight.contains("stage 1"), "{weight}");
-        let window = message("version = 1\nname = \"x\"\n[[stage]]\nweight = \"1\"\nradius = 4000000\ndilation = 4000\n");
+        let window = message(
+            "version = 1\nname = \"x\"\n[[stage]]\nweight = \"1\"\nradius = 4000000\ndilation = 4000\n",
+        );
         assert!(window.contains("4000000"), "{window}");
         assert!(message("version = 1\nname = \"x\"\nstage = []\n").contains("[[stage]]"));
     }

@@ -102,7 +102,8 @@ pub(super) fn merge(tree: &Tree, ranges: &[Interval]) -> Tree {
                 power(base, exponent, range)
             }
             (symbol, _) => {
-                let mut symbols = operands.into_iter().map(Piece::settle).collect::<Vec<_>>().concat();
+                let mut symbols =
+                    operands.into_iter().map(Piece::settle).collect::<Vec<_>>().concat();
                 symbols.push(symbol);
                 Piece::plain(symbols, range)
             }

@@ -112,12 +112,7 @@ impl Passes {
 
     /// The part that the tape builder obeys.
     pub(super) fn rules(self) -> Rules {
-        Rules {
-            fold: self.fold,
-            share: self.share,
-            ranges: self.ranges,
-            contract: self.contract,
-        }
+        Rules { fold: self.fold, share: self.share, ranges: self.ranges, contract: self.contract }
     }
 }
 

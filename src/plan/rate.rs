@@ -95,11 +95,8 @@ pub(super) fn split(tape: &Tape, hoist: bool) -> Split {
         };
         renamed[k] = Some(pair.push(instr, tape.range(value)));
     }
-    let results: Vec<Value> = tape
-        .results()
-        .iter()
-        .map(|r| renamed[r.index()].expect("results stay or cross"))
-        .collect();
+    let results: Vec<Value> =
+        tape.results().iter().map(|r| renamed[r.index()].expect("results stay or cross")).collect();
     Split {
         tap: tape.clone().finish(&tap_results),
         pixel: tape.clone().finish(&pixel_results),
@@ -113,10 +110,9 @@ fn rates(tape: &Tape) -> Vec<Rate> {
         rates.push(match *instr {
             Instr::Const(_) => Rate::Constant,
             Instr::Input(input) => Rate::of_input(input),
-            Instr::Prim(..) => instr
-                .operands()
-                .iter()
-                .fold(Rate::Constant, |rate, a| rate.join(rates[a.index()])),
+            Instr::Prim(..) => {
+                instr.operands().iter().fold(Rate::Constant, |rate, a| rate.join(rates[a.index()]))
+            }
         });
     }
     rates

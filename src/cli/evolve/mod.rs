@@ -105,7 +105,7 @@ impl Evolve {
     pub(super) fn run(&self, log: Log) -> Result<String, Error> {
         let checkpoint = self.checkpoint()?;
         let mut settings = match &checkpoint {
-            Some(checkpoint) => checkpoint.settings.clone(),
+            Some(checkpoint) => checkpoint.settings().clone(),
             None => self.preset.unwrap_or(Preset::Quick).settings(),
         };
         self.parameters.apply(&mut settings);
@@ -121,7 +121,7 @@ impl Evolve {
         let fitness = SceneFitness::new(training, &*backend, &settings);
         let mut search = match checkpoint {
             Some(checkpoint) => {
-                Search::resume(Checkpoint { settings: settings.clone(), ..checkpoint }, &fitness)?
+                Search::resume(checkpoint.until(settings.generations), &fitness)?
             }
             None => Search::new(settings.clone(), &fitness)?,
         };

@@ -6,8 +6,8 @@
 //!
 //! ```text
 //! expression  = operand { infix operand }          usual precedence, from the left
-//! operand     = number | feature | "-" operand | function "(" expression { "," expression } ")"
-//!             | "(" expression ")"
+//! operand     = number | feature | "-" operand | "(" expression ")"
+//!             | function "(" expression { "," expression } ")"
 //! number      = [ "-" ] ( decimal [ exponent ] | "pi" )
 //! ```
 //!
@@ -29,6 +29,7 @@
 
 mod error;
 mod latex;
+mod lexer;
 mod parse;
 mod print;
 

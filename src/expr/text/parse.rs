@@ -5,18 +5,17 @@
 //! an operator that waits for its right operand) stands on a stack. The parser
 //! alternates between two places: where an operand must come, and after one.
 
-use std::f32::consts;
-
 use crate::expr::feature::Feature;
 use crate::expr::op::{Op, Sort, Syntax};
 use crate::expr::tree::{Symbol, Tree};
 
-use super::error::{Problem, TextError, shortened};
-use super::{MINUS, PI};
+use super::MINUS;
+use super::error::{Problem, TextError};
+use super::lexer::{Kind, Lexer, Token};
 
 /// Parses an expression, of a certain sort if one is wanted.
 pub(super) fn parse(text: &str, wanted: Option<Sort>) -> Result<Tree, TextError> {
-    let mut lexer = Lexer { text, at: 0 };
+    let mut lexer = Lexer::new(text);
     let token = lexer.next()?;
     let (output, open) = (Vec::new(), Vec::new());
     let mut parser = Parser { lexer, token, output, open, wanted, leaf: token };
@@ -25,120 +24,6 @@ pub(super) fn parse(text: &str, wanted: Option<Sort>) -> Result<Tree, TextError>
         parser.operand()?;
     }
     Ok(Tree::new(parser.output).expect("the parser checked every operand's sort and count"))
-}
-
-/// A piece of text with its meaning.
-#[derive(Clone, Copy)]
-struct Token<'t> {
-    at: usize,
-    text: &'t str,
-    kind: Kind,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Number(f32),
-    Name,
-    /// The spelling of infix or prefix operators.
-    Sign,
-    Open,
-    Close,
-    Comma,
-    End,
-}
-
-impl Token<'_> {
-    fn describe(self) -> String {
-        match self.kind {
-            Kind::End => "the end of the text".to_owned(),
-            Kind::Number(_) | Kind::Name | Kind::Sign | Kind::Open | Kind::Close | Kind::Comma => {
-                format!("`{}`", shortened(self.text))
-            }
-        }
-    }
-}
-
-struct Lexer<'t> {
-    text: &'t str,
-    at: usize,
-}
-
-impl<'t> Lexer<'t> {
-    fn next(&mut self) -> Result<Token<'t>, TextError> {
-        let text = self.text;
-        loop {
-            self.at = text.len() - text[self.at..].trim_start().len();
-            if !text[self.at..].starts_with('#') {
-                break;
-            }
-            self.at = text[self.at..].find('\n').map_or(text.len(), |length| self.at + length);
-        }
-        let rest = &text[self.at..];
-        let (kind, length) = match rest.bytes().next() {
-            None => (Kind::End, 0),
-            Some(b'(') => (Kind::Open, 1),
-            Some(b')') => (Kind::Close, 1),
-            Some(b',') => (Kind::Comma, 1),
-            Some(b'0'..=b'9' | b'.') if number_length(rest) > 0 => {
-                let length = number_length(rest);
-                (Kind::Number(self.number(&rest[..length])?), length)
-            }
-            Some(b'a'..=b'z' | b'A'..=b'Z' | b'_') => {
-                let is_inside = |c: char| c.is_ascii_alphanumeric() || c == '_';
-                let length = rest.find(|c| !is_inside(c)).unwrap_or(rest.len());
-                let kind =
-                    if &rest[..length] == PI { Kind::Number(consts::PI) } else { Kind::Name };
-                (kind, length)
-            }
-            Some(_) => match signs().filter(|s| rest.starts_with(s)).map(str::len).max() {
-                Some(length) => (Kind::Sign, length),
-                None => {
-                    let character = rest.chars().next().expect("the rest is not empty");
-                    return Err(TextError::new(text, self.at, Problem::Character(character)));
-                }
-            },
-        };
-        let token = Token { at: self.at, text: &rest[..length], kind };
-        self.at += length;
-        Ok(token)
-    }
-
-    fn number(&self, digits: &str) -> Result<f32, TextError> {
-        let x: f32 = digits.parse().expect("number_length() finds what f32 parses");
-        let mantissa = digits.split(['e', 'E']).next().unwrap_or(digits);
-        let vanishes = x == 0.0 && mantissa.contains(|c: char| matches!(c, '1'..='9'));
-        if x.is_finite() && !vanishes {
-            Ok(x)
-        } else {
-            Err(TextError::new(self.text, self.at, Problem::Range(shortened(digits))))
-        }
-    }
-}
-
-/// How many bytes a number at the start of a text takes; 0 if there is none.
-fn number_length(text: &str) -> usize {
-    let digits = |from: usize| text[from..].bytes().take_while(u8::is_ascii_digit).count();
-    let whole = digits(0);
-    let mut end = whole;
-    if text[end..].starts_with('.') {
-        end += 1 + digits(end + 1);
-        if end == whole + 1 && whole == 0 {
-            return 0;
-        }
-    }
-    if text[end..].starts_with(['e', 'E']) {
-        let sign = usize::from(text[end + 1..].starts_with(['+', '-']));
-        let exponent = digits(end + 1 + sign);
-        if exponent > 0 {
-            end += 1 + sign + exponent;
-        }
-    }
-    end
-}
-
-/// The spellings of infix and prefix operators.
-fn signs() -> impl Iterator<Item = &'static str> {
-    Op::ALL.iter().filter(|op| op.row().syntax != Syntax::Call).map(|op| op.name())
 }
 
 fn prefix(sign: &str) -> Option<Op> {
@@ -296,57 +181,64 @@ impl<'t> Parser<'t> {
                     return Ok(true);
                 }
                 Kind::Comma => {
-                    self.complete(0);
-                    match self.open.last_mut() {
-                        Some(Open::Call(op, _, complete)) if *complete + 1 < op.arity() => {
-                            *complete += 1;
-                            return Ok(true);
-                        }
-                        Some(&mut Open::Call(op, _, complete)) => {
-                            let problem = Problem::Arity { op, given: complete + 2 };
-                            return Err(self.error(token, problem));
-                        }
-                        Some(Open::Parenthesis(..) | Open::Operator(..)) | None => {
-                            return Err(self.expected_operator(token));
-                        }
-                    }
+                    self.comma(token)?;
+                    return Ok(true);
                 }
-                Kind::Close => {
-                    self.complete(0);
-                    match self.open.pop() {
-                        Some(Open::Parenthesis(..)) => {}
-                        Some(Open::Call(op, _, complete)) if complete + 1 == op.arity() => {
-                            self.output.push(Symbol::Op(op));
-                        }
-                        Some(Open::Call(op, _, complete)) => {
-                            let problem = Problem::Arity { op, given: complete + 1 };
-                            return Err(self.error(token, problem));
-                        }
-                        Some(Open::Operator(..)) | None => {
-                            return Err(self.expected_operator(token));
-                        }
-                    }
-                }
+                Kind::Close => self.close(token)?,
                 Kind::End => {
-                    self.complete(0);
-                    return match self.open.last() {
-                        None => Ok(false),
-                        Some(&Open::Parenthesis(opened, ..)) => {
-                            Err(self.error(opened, Problem::Unclosed { expected: "`)`" }))
-                        }
-                        Some(&Open::Call(op, opened, complete)) => {
-                            let last = complete + 1 == op.arity();
-                            let expected = if last { "`)`" } else { "`,`" };
-                            Err(self.error(opened, Problem::Unclosed { expected }))
-                        }
-                        Some(Open::Operator(..)) => unreachable!("complete(0) closes operators"),
-                    };
+                    self.end()?;
+                    return Ok(false);
                 }
                 Kind::Number(_) | Kind::Name | Kind::Open => {
                     return Err(self.expected_operator(token));
                 }
             }
         }
+    }
+
+    /// The operand of a call is complete, and another one follows.
+    fn comma(&mut self, token: Token<'t>) -> Result<(), TextError> {
+        self.complete(0);
+        match self.open.last_mut() {
+            Some(Open::Call(op, _, complete)) if *complete + 1 < op.arity() => {
+                *complete += 1;
+                Ok(())
+            }
+            Some(&mut Open::Call(op, _, complete)) => {
+                Err(self.error(token, Problem::Arity { op, given: complete + 2 }))
+            }
+            Some(Open::Parenthesis(..) | Open::Operator(..)) | None => {
+                Err(self.expected_operator(token))
+            }
+        }
+    }
+
+    /// A parenthesis or a call is complete.
+    fn close(&mut self, token: Token<'t>) -> Result<(), TextError> {
+        self.complete(0);
+        match self.open.pop() {
+            Some(Open::Parenthesis(..)) => Ok(()),
+            Some(Open::Call(op, _, complete)) if complete + 1 == op.arity() => {
+                self.output.push(Symbol::Op(op));
+                Ok(())
+            }
+            Some(Open::Call(op, _, complete)) => {
+                Err(self.error(token, Problem::Arity { op, given: complete + 1 }))
+            }
+            Some(Open::Operator(..)) | None => Err(self.expected_operator(token)),
+        }
+    }
+
+    /// The whole is complete, unless something is still open.
+    fn end(&mut self) -> Result<(), TextError> {
+        self.complete(0);
+        let (opened, expected) = match self.open.last() {
+            None => return Ok(()),
+            Some(&Open::Call(op, opened, complete)) if complete + 1 < op.arity() => (opened, "`,`"),
+            Some(&(Open::Call(_, opened, _) | Open::Parenthesis(opened, ..))) => (opened, "`)`"),
+            Some(Open::Operator(..)) => unreachable!("complete(0) closes operators"),
+        };
+        Err(self.error(opened, Problem::Unclosed { expected }))
     }
 
     /// The root of the operand that is complete.

@@ -1,0 +1,34 @@
+//! What a search tells while it runs.
+
+use super::history::Row;
+use super::individual::Individual;
+
+/// News from a search, for progress lines and logs.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
+    /// A batch of a generation's new expressions has been judged.
+    Batch {
+        /// The generation that is being formed; 0 is the initial population.
+        generation: u32,
+        /// Its expressions judged so far.
+        judged: usize,
+        /// Its expressions to be judged in all.
+        of: usize,
+    },
+    /// A generation is complete.
+    Generation {
+        /// Which; 0 is the initial population.
+        generation: u32,
+        /// The last one.
+        of: u32,
+        /// One row per island.
+        islands: &'a [Row],
+        /// The best of the whole run so far.
+        best: &'a Individual,
+    },
+    /// The finalists are about to be judged in full.
+    Finalists {
+        /// How many there are.
+        count: usize,
+    },
+}

@@ -1,0 +1,114 @@
+//! The course of a run: a row per generation and island.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::encoding;
+use super::error::Error;
+use super::file;
+use super::individual::Individual;
+use super::islands::best;
+use crate::expr::Tree;
+
+/// An island after a generation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Which generation; 0 is the initial population.
+    pub generation: u32,
+    /// Which island, from 0.
+    pub island: usize,
+    /// Fitness of its best.
+    #[serde(with = "encoding::exact")]
+    pub best: f64,
+    /// Fitness of its median individual.
+    #[serde(with = "encoding::exact")]
+    pub median: f64,
+    /// Nodes of its best.
+    pub best_nodes: usize,
+    /// Nodes of its individuals, on average.
+    pub mean_nodes: f64,
+    /// Expressions judged in the whole run so far, on all islands.
+    pub evaluations: usize,
+    /// Expressions bred in the whole run so far that had been judged before.
+    pub memo_hits: usize,
+    /// Its best.
+    #[serde(with = "encoding::expression")]
+    pub expression: Tree,
+}
+
+impl Row {
+    /// Sums a population up.
+    pub(super) fn new(
+        generation: u32,
+        island: usize,
+        population: &[Individual],
+        evaluations: usize,
+        memo_hits: usize,
+    ) -> Self {
+        let best = best(population);
+        let mut ranked: Vec<f64> = population.iter().map(|i| i.fitness).collect();
+        ranked.sort_unstable_by(f64::total_cmp);
+        let nodes: usize = population.iter().map(|i| i.tree.len()).sum();
+        Self {
+            generation,
+            island,
+            best: best.fitness,
+            median: ranked[ranked.len() / 2],
+            best_nodes: best.tree.len(),
+            mean_nodes: nodes as f64 / population.len() as f64,
+            evaluations,
+            memo_hits,
+            expression: best.tree.clone(),
+        }
+    }
+}
+
+/// A column of `history.csv`: its name, and its cell in a row.
+type Column = (&'static str, fn(&Row) -> String);
+
+const COLUMNS: [Column; 9] = [
+    ("generation", |r| r.generation.to_string()),
+    ("island", |r| r.island.to_string()),
+    ("best", |r| r.best.to_string()),
+    ("median", |r| r.median.to_string()),
+    ("best_nodes", |r| r.best_nodes.to_string()),
+    ("mean_nodes", |r| r.mean_nodes.to_string()),
+    ("evaluations", |r| r.evaluations.to_string()),
+    ("memo_hits", |r| r.memo_hits.to_string()),
+    // The one column with commas; expressions hold no quotes.
+    ("expression", |r| format!("\"{}\"", r.expression)),
+];
+
+/// The rows as comma-separated values, under a header.
+pub fn csv(rows: &[Row]) -> String {
+    let mut csv = COLUMNS.map(|(name, _)| name).join(",");
+    csv.push('\n');
+    for row in rows {
+        csv.push_str(&COLUMNS.map(|(_, cell)| cell(row)).join(","));
+        csv.push('\n');
+    }
+    csv
+}
+
+/// Writes the rows as a CSV file.
+pub fn write_csv(rows: &[Row], path: &Path) -> Result<(), Error> {
+    file::write(path, csv(rows).as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_has_a_cell_per_column() {
+        let population = [("1", f64::INFINITY), ("pow(1, 1)", 0.5)]
+            .map(|(text, fitness)| Individual { tree: text.parse().unwrap(), fitness });
+        let csv = csv(&[Row::new(3, 1, &population, 7, 2)]);
+        assert_eq!(
+            csv,
+            "generation,island,best,median,best_nodes,mean_nodes,evaluations,memo_hits,expression\n\
+             3,1,0.5,inf,3,2,7,2,\"pow(1, 1)\"\n"
+        );
+    }
+}

@@ -1,0 +1,268 @@
+//! The search itself: generation after generation, on all islands at once.
+
+use rayon::prelude::*;
+
+use super::breeding::{Child, Place, initial, offspring};
+use super::checkpoint::{Checkpoint, State};
+use super::control::{Control, Ending, Watch};
+use super::error::Error;
+use super::event::Event;
+use super::fitness::Fitness;
+use super::history::Row;
+use super::individual::Individual;
+use super::islands::{Population, migrate};
+use super::materials::Materials;
+use super::settings::Settings;
+use crate::expr::Tree;
+
+/// A search under way.
+pub struct Search<'a, F> {
+    settings: Settings,
+    materials: Materials,
+    fitness: &'a F,
+    state: State,
+}
+
+/// An expression that has been judged in full.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finalist {
+    /// The expression.
+    pub tree: Tree,
+    /// Its fitness in breeding.
+    pub bred: f64,
+    /// Its fitness in full: lower is better.
+    pub full: f64,
+}
+
+/// What a run found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// The hall of fame judged in full, the best first. Never empty.
+    pub finalists: Vec<Finalist>,
+    /// The islands after the last complete generation; none if the run was
+    /// stopped within the initial one.
+    pub islands: Vec<Population>,
+    /// A row per complete generation and island.
+    pub history: Vec<Row>,
+    /// How many expressions were judged for breeding.
+    pub evaluations: usize,
+    /// How many expressions bred had been judged before.
+    pub memo_hits: usize,
+    /// How the run ended.
+    pub ending: Ending,
+}
+
+impl Outcome {
+    /// The best of the finalists.
+    pub fn best(&self) -> &Finalist {
+        &self.finalists[0]
+    }
+}
+
+impl<'a, F: Fitness> Search<'a, F> {
+    /// A search from the beginning.
+    pub fn new(settings: Settings, fitness: &'a F) -> Result<Self, Error> {
+        let state = State::new(&settings);
+        Self::with_state(settings, fitness, state)
+    }
+
+    /// A search from where a checkpoint was written. It ends with what the
+    /// search that wrote it would have ended with.
+    pub fn resume(checkpoint: Checkpoint, fitness: &'a F) -> Result<Self, Error> {
+        let given = fitness.identity();
+        if checkpoint.identity != given {
+            return Err(Error::Identity { bred: checkpoint.identity, given });
+        }
+        Self::with_state(checkpoint.settings, fitness, checkpoint.state)
+    }
+
+    fn with_state(settings: Settings, fitness: &'a F, state: State) -> Result<Self, Error> {
+        settings.validate()?;
+        let materials = Materials::new(&settings)?;
+        Ok(Self { settings, materials, fitness, state })
+    }
+
+    /// What the search was told.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The search as it stands.
+    pub fn checkpoint(&self) -> Checkpoint {
+        Checkpoint::new(self.fitness.identity(), self.settings.clone(), self.state.clone())
+    }
+
+    /// Searches until the last generation or until `control` ends it, and
+    /// judges the finalists in full either way. At least one batch is judged,
+    /// so that there always is a best so far.
+    ///
+    /// # Panics
+    /// If the fitness breaks its contract: a NaN, or a wrong number of values.
+    pub fn run(
+        &mut self,
+        control: &Control,
+        listener: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        let watch = Watch::start(control);
+        let ending = self.breed(&watch, control, listener)?;
+        if let Some(checkpoints) = &control.checkpoints {
+            self.checkpoint().write(&checkpoints.path)?;
+        }
+        let finalists = self.finals(listener)?;
+        Ok(Outcome {
+            finalists,
+            islands: self.state.islands.clone(),
+            history: self.state.history.clone(),
+            evaluations: self.state.memo.len(),
+            memo_hits: self.memo_hits(),
+            ending,
+        })
+    }
+
+    /// Forms generations until there is a reason to end.
+    fn breed(
+        &mut self,
+        watch: &Watch<'_>,
+        control: &Control,
+        listener: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Ending, Error> {
+        while self.state.next <= self.settings.generations {
+            if let Some(ending) = watch.ending().filter(|_| !self.state.memo.is_empty()) {
+                return Ok(ending);
+            }
+            let generation = self.state.next;
+            let children = self.children(generation);
+            if let Some(ending) = self.judge(&children, watch, listener)? {
+                return Ok(ending);
+            }
+            self.settle(generation, children);
+            let rows = self.state.history.len() - self.settings.islands;
+            listener(Event::Generation {
+                generation,
+                of: self.settings.generations,
+                islands: &self.state.history[rows..],
+                best: &self.state.hall.members()[0],
+            });
+            if let Some(checkpoints) = &control.checkpoints
+                && checkpoints.interval > 0
+                && self.state.next.is_multiple_of(checkpoints.interval)
+            {
+                self.checkpoint().write(&checkpoints.path)?;
+            }
+        }
+        Ok(Ending::Finished)
+    }
+
+    /// The children that make up a generation, island by island. Each draws
+    /// from its own stream, so that any thread may breed any of them.
+    fn children(&self, generation: u32) -> Vec<Vec<Child>> {
+        let Self { settings, materials, state, .. } = self;
+        (0..settings.islands)
+            .map(|island| {
+                let child = |index| {
+                    let place = Place { generation, island, index };
+                    match state.islands.get(island) {
+                        Some(previous) => offspring(place, previous, materials, settings),
+                        None => initial(place, materials, settings),
+                    }
+                };
+                (0..settings.island_size).into_par_iter().map(child).collect()
+            })
+            .collect()
+    }
+
+    /// Judges the children of all islands that are new to the search, in
+    /// batches. If there is a reason to end in between, returns it.
+    fn judge(
+        &mut self,
+        children: &[Vec<Child>],
+        watch: &Watch<'_>,
+        listener: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Option<Ending>, Error> {
+        let missing = self.state.memo.missing(children.iter().flatten().filter_map(Child::tree));
+        let mut judged = 0;
+        for batch in missing.chunks(self.settings.batch) {
+            if judged > 0
+                && let Some(ending) = watch.ending()
+            {
+                return Ok(Some(ending));
+            }
+            let values = contract(batch, self.fitness.evaluate(batch))?;
+            for (tree, fitness) in batch.iter().zip(values) {
+                let individual = Individual { tree: tree.clone(), fitness };
+                self.state.hall.offer(individual.clone());
+                self.state.memo.insert(individual);
+            }
+            judged += batch.len();
+            listener(Event::Batch { generation: self.state.next, judged, of: missing.len() });
+        }
+        Ok(None)
+    }
+
+    /// Puts a generation's judged children on the islands, lets the best
+    /// migrate, and closes the books.
+    fn settle(&mut self, generation: u32, children: Vec<Vec<Child>>) {
+        let Self { settings, state, .. } = self;
+        state.bred += children.iter().flatten().filter_map(Child::tree).count();
+        let occupant = |child| match child {
+            Child::Judged(individual) => individual,
+            Child::New(tree) => {
+                let fitness = state.memo.get(&tree).expect("every new child has been judged");
+                Individual { tree, fitness }
+            }
+        };
+        let islands = children.into_iter().map(|c| c.into_iter().map(occupant).collect());
+        state.islands = islands.collect();
+        if generation > 0
+            && settings.migration_interval > 0
+            && generation.is_multiple_of(settings.migration_interval)
+        {
+            migrate(&mut state.islands);
+        }
+        state.next = generation + 1;
+        let (evaluations, memo_hits) = (self.state.memo.len(), self.memo_hits());
+        let rows = self.state.islands.iter().enumerate().map(|(island, population)| {
+            Row::new(generation, island, population, evaluations, memo_hits)
+        });
+        self.state.history.extend(rows);
+    }
+
+    /// Judges the hall of fame in full.
+    fn finals(&self, listener: &mut dyn FnMut(Event<'_>)) -> Result<Vec<Finalist>, Error> {
+        let members = self.state.hall.members();
+        listener(Event::Finalists { count: members.len() });
+        let trees: Vec<Tree> = members.iter().map(|m| m.tree.clone()).collect();
+        let values = contract(&trees, self.fitness.evaluate_full(&trees))?;
+        let mut ranked: Vec<(Individual, f64)> = members
+            .iter()
+            .zip(values)
+            .map(|(m, full)| (Individual { tree: m.tree.clone(), fitness: full }, m.fitness))
+            .collect();
+        ranked.sort_by(|(a, _), (b, _)| a.cmp(b));
+        let finalist = |(judged, bred): (Individual, f64)| Finalist {
+            tree: judged.tree,
+            bred,
+            full: judged.fitness,
+        };
+        Ok(ranked.into_iter().map(finalist).collect())
+    }
+
+    /// How many of the expressions bred had been judged before. What a stopped
+    /// generation judged in vain counts when it is bred again.
+    fn memo_hits(&self) -> usize {
+        self.state.bred.saturating_sub(self.state.memo.len())
+    }
+}
+
+/// Holds a fitness to its contract.
+fn contract<E>(trees: &[Tree], values: Result<Vec<f64>, E>) -> Result<Vec<f64>, Error>
+where
+    E: std::error::Error + Send + Sync + 'static,
+{
+    let values = values.map_err(|error| Error::Fitness(Box::new(error)))?;
+    assert_eq!(values.len(), trees.len(), "a fitness gives one value per expression");
+    for (tree, value) in trees.iter().zip(&values) {
+        assert!(!value.is_nan(), "a fitness is never NaN, but was for {tree}");
+    }
+    Ok(values)
+}

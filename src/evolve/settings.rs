@@ -1,0 +1,254 @@
+//! What a search can be told, with the paper's values.
+
+use serde::{Deserialize, Serialize};
+
+use super::error::Error;
+use crate::expr::Tree;
+
+/// The parameters of a search. Together with the fitness they determine its
+/// result, whatever the number of threads.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Number of islands (Section 4: 4).
+    pub islands: usize,
+    /// Expressions on each island (Section 4: 100).
+    pub island_size: usize,
+    /// Generations after the initial population (Section 5: 200).
+    pub generations: u32,
+    /// Generations from one migration to the next (Section 4: 5); 0 for none.
+    pub migration_interval: u32,
+    /// Individuals in a tournament (Section 4.4: 8).
+    pub tournament: usize,
+    /// Share of a generation that is reproduced as it is (Section 4.4: 0.10).
+    /// The first of these is the island's best, so that it is never lost; the
+    /// paper leaves all of them to tournaments.
+    pub reproduction: f64,
+    /// Share of a generation that crossover makes (Section 4.4: 0.45).
+    pub crossover: f64,
+    /// Share of a generation that mutation makes (Section 4.4: 0.45).
+    pub mutation: f64,
+    /// How often each kind of mutation is tried.
+    pub mutations: MutationWeights,
+    /// Standard deviation of the logarithm of the factor by which `jitter`
+    /// multiplies a constant.
+    pub jitter_sigma: f64,
+    /// Most nodes of an expression. The paper sets no limits; without them
+    /// trees grow for as long as growth does no harm.
+    pub max_nodes: usize,
+    /// Most levels of an expression.
+    pub max_depth: usize,
+    /// Names the random streams.
+    pub seed: u64,
+    /// What the initial population is made from: a filter by name, or an
+    /// expression (Section 4: the bilateral filter).
+    pub initial: String,
+    /// The individuals of the initial population, but for the first of each
+    /// island, are the initial expression after one to this many mutations.
+    pub initial_mutations: u32,
+    /// Names of features, gradients and variances that the search must not use,
+    /// because the training scenes do not have them, say.
+    pub forbidden: Vec<String>,
+    /// The window's radius that expressions are judged with.
+    pub radius: u32,
+    /// How many of the best expressions are judged in full at the end.
+    pub finalists: usize,
+    /// Most expressions that the fitness gets at once. Between batches the
+    /// search looks whether it is to stop; no result depends on it.
+    pub batch: usize,
+}
+
+/// Relative frequencies of the kinds of mutation (Section 4.2: the paper's four
+/// alike, and no `jitter`, which is ours).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MutationWeights {
+    /// A node becomes another one that takes the same operands.
+    pub replace: f64,
+    /// Two subtrees change places.
+    pub swap: f64,
+    /// A subtree becomes an expression from the codebook.
+    pub insert: f64,
+    /// A subtree becomes the constant 1.
+    pub delete: f64,
+    /// A constant is multiplied by a log-normal factor. An extension: the
+    /// paper's grammar has eight constants only, and bandwidths in between can
+    /// be made of them, but take many generations to appear.
+    pub jitter: f64,
+}
+
+/// Named settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// Sections 4 and 5 of the paper; it took three days on a GPU there.
+    Paper,
+    /// Minutes on a small machine.
+    Quick,
+}
+
+impl Preset {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Paper, Self::Quick];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Quick => "quick",
+        }
+    }
+
+    /// What it stands for.
+    pub fn settings(self) -> Settings {
+        let paper = Settings {
+            islands: 4,
+            island_size: 100,
+            generations: 200,
+            migration_interval: 5,
+            tournament: 8,
+            reproduction: 0.10,
+            crossover: 0.45,
+            mutation: 0.45,
+            mutations: MutationWeights {
+                replace: 1.0,
+                swap: 1.0,
+                insert: 1.0,
+                delete: 1.0,
+                jitter: 0.0,
+            },
+            jitter_sigma: 0.5,
+            max_nodes: 150,
+            max_depth: 40,
+            seed: 1,
+            initial: "bilateral".to_owned(),
+            initial_mutations: 1,
+            forbidden: Vec::new(),
+            radius: 10,
+            finalists: 16,
+            batch: 64,
+        };
+        match self {
+            Self::Paper => paper,
+            Self::Quick => Settings {
+                island_size: 40,
+                generations: 30,
+                mutations: MutationWeights { jitter: 2.0, ..paper.mutations },
+                max_nodes: 100,
+                max_depth: 30,
+                initial_mutations: 3,
+                finalists: 8,
+                ..paper
+            },
+        }
+    }
+}
+
+impl Settings {
+    /// Whether a tree is as small as expressions have to be.
+    pub fn admit(&self, tree: &Tree) -> bool {
+        tree.len() <= self.max_nodes && tree.depth() <= self.max_depth
+    }
+
+    /// Checks that a search can be made of them.
+    pub fn validate(&self) -> Result<(), Error> {
+        let at_least = |name, value: usize, least: usize, wanted| {
+            let broken = Error::Setting { name, value: value.to_string(), wanted };
+            if value < least { Err(broken) } else { Ok(()) }
+        };
+        at_least("islands", self.islands, 1, "at least one island is needed")?;
+        at_least(
+            "island_size",
+            self.island_size,
+            2,
+            "an island needs one place for its best and one for migrants",
+        )?;
+        at_least("tournament", self.tournament, 1, "somebody has to enter the tournament")?;
+        at_least("finalists", self.finalists, 1, "somebody has to be judged in full")?;
+        at_least("batch", self.batch, 1, "the fitness has to be given something")?;
+        at_least("max_nodes", self.max_nodes, 1, "a tree has at least one node")?;
+        at_least("max_depth", self.max_depth, 1, "a tree has at least one level")?;
+        at_least(
+            "initial_mutations",
+            self.initial_mutations as usize,
+            1,
+            "the initial population consists of mutants",
+        )?;
+
+        let w = &self.mutations;
+        let never_negative = "must be finite and not negative";
+        for (name, value) in [
+            ("reproduction", self.reproduction),
+            ("crossover", self.crossover),
+            ("mutation", self.mutation),
+            ("mutations.replace", w.replace),
+            ("mutations.swap", w.swap),
+            ("mutations.insert", w.insert),
+            ("mutations.delete", w.delete),
+            ("mutations.jitter", w.jitter),
+            ("jitter_sigma", self.jitter_sigma),
+        ] {
+            if !(value.is_finite() && value >= 0.0) {
+                let value = value.to_string();
+                return Err(Error::Setting { name, value, wanted: never_negative });
+            }
+        }
+        let shares = self.reproduction + self.crossover + self.mutation;
+        if (shares - 1.0).abs() > 1e-6 {
+            return Err(Error::Setting {
+                name: "reproduction + crossover + mutation",
+                value: shares.to_string(),
+                wanted: "the three are shares of a generation and must add up to 1",
+            });
+        }
+        if w.replace + w.swap + w.insert + w.delete + w.jitter == 0.0 {
+            return Err(Error::Setting {
+                name: "mutations",
+                value: "0 throughout".to_owned(),
+                wanted: "one kind must have a weight: the initial population consists of mutants",
+            });
+        }
+        if i64::try_from(self.seed).is_err() {
+            return Err(Error::Setting {
+                name: "seed",
+                value: self.seed.to_string(),
+                wanted: "it must be below 2^63, the greatest integer that TOML files hold",
+            });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_valid_and_survive_serialisation() {
+        for preset in Preset::ALL {
+            let settings = preset.settings();
+            settings.validate().unwrap();
+            let written = toml::to_string(&settings).unwrap();
+            assert_eq!(toml::from_str::<Settings>(&written).unwrap(), settings);
+        }
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_by_name() {
+        let refused = |change: fn(&mut Settings)| {
+            let mut settings = Preset::Quick.settings();
+            change(&mut settings);
+            settings.validate().unwrap_err().to_string()
+        };
+        assert!(refused(|s| s.tournament = 0).contains("`tournament` is 0"));
+        assert!(refused(|s| s.island_size = 1).contains("`island_size` is 1"));
+        assert!(refused(|s| s.crossover = 0.5).contains("add up to 1"));
+        assert!(refused(|s| s.crossover = f64::NAN).contains("`crossover` is NaN"));
+        assert!(refused(|s| s.mutations.swap = -1.0).contains("`mutations.swap` is -1"));
+        assert!(refused(|s| s.seed = u64::MAX).contains("below 2^63"));
+        assert!(
+            refused(|s| s.mutations =
+                MutationWeights { replace: 0.0, swap: 0.0, insert: 0.0, delete: 0.0, jitter: 0.0 })
+            .contains("0 throughout")
+        );
+    }
+}

@@ -1,0 +1,266 @@
+//! Laws of whole searches, on fitness functions that cost next to nothing.
+
+use std::collections::HashSet;
+use std::convert::Infallible;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use super::canonical::canonical;
+use super::islands::best;
+use super::*;
+use crate::expr::tape::Side;
+use crate::expr::{PlaneId, Tree};
+
+/// Mean squared difference from a target weight at sampled pixel pairs, plus a
+/// little for size: symbolic regression.
+struct Regression {
+    target: Tree,
+    /// Every expression that was ever asked for.
+    asked: Mutex<Vec<Tree>>,
+    /// Raised when so many expressions have been asked for.
+    alarm: Option<(usize, Arc<AtomicBool>)>,
+}
+
+/// A plane's value at either end of pair `k`: arbitrary, but always the same.
+fn sample(k: usize, plane: PlaneId, side: Side) -> f64 {
+    let salt = plane.feature as usize * 31 + plane.quantity as usize * 7;
+    let phase =
+        (salt + usize::from(plane.component)) as f64 + if side == Side::I { 0.0 } else { 0.4 };
+    (phase * 1.7 + k as f64 * 0.61).sin()
+}
+
+impl Regression {
+    fn new() -> Self {
+        let target = "3 * distanceMax(normal, normal)".parse().unwrap();
+        Self { target, asked: Mutex::default(), alarm: None }
+    }
+
+    fn error(&self, tree: &Tree) -> f64 {
+        let squares = (0..32).map(|k| {
+            let value = |t: &Tree| t.meaning(|plane, side| sample(k, plane, side));
+            (value(tree) - value(&self.target)).powi(2)
+        });
+        squares.sum::<f64>() / 32.0 + 1e-4 * tree.len() as f64
+    }
+}
+
+impl Fitness for Regression {
+    type Error = Infallible;
+
+    fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Infallible> {
+        let mut asked = self.asked.lock().unwrap();
+        asked.extend_from_slice(trees);
+        if let Some((after, flag)) = &self.alarm
+            && asked.len() >= *after
+        {
+            flag.store(true, Ordering::Relaxed);
+        }
+        Ok(trees.iter().map(|t| self.error(t)).collect())
+    }
+
+    /// Disagrees with breeding, to show which of the two decides in the end.
+    fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Infallible> {
+        Ok(trees.iter().map(|t| -self.error(t)).collect())
+    }
+
+    fn identity(&self) -> String {
+        self.target.to_string()
+    }
+}
+
+fn small() -> Settings {
+    Settings { islands: 3, island_size: 20, generations: 12, batch: 7, ..Preset::Quick.settings() }
+}
+
+fn search(settings: &Settings, fitness: &Regression) -> Outcome {
+    let mut search = Search::new(settings.clone(), fitness).unwrap();
+    search.run(&Control::default(), &mut |_| {}).unwrap()
+}
+
+fn least(outcome: &Outcome) -> f64 {
+    outcome.islands.iter().map(|p| best(p).fitness).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn the_same_seed_gives_the_same_result_for_any_number_of_threads() {
+    let outcomes: Vec<Outcome> = [1, 2, 5]
+        .map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| search(&small(), &Regression::new()))
+        })
+        .into();
+    assert_eq!(outcomes[0], outcomes[1]);
+    assert_eq!(outcomes[0], outcomes[2]);
+    let other = search(&Settings { seed: 2, ..small() }, &Regression::new());
+    assert_ne!(outcomes[0].islands, other.islands);
+}
+
+#[test]
+fn the_size_of_batches_changes_nothing() {
+    let whole = search(&Settings { batch: 1000, ..small() }, &Regression::new());
+    assert_eq!(whole, search(&small(), &Regression::new()));
+}
+
+#[test]
+fn the_elite_is_never_lost() {
+    // Without any reproduction, too.
+    let settings = Settings { reproduction: 0.0, mutation: 0.55, ..small() };
+    let outcome = search(&settings, &Regression::new());
+    for island in 0..settings.islands {
+        let course: Vec<f64> =
+            outcome.history.iter().filter(|r| r.island == island).map(|r| r.best).collect();
+        assert!(course.is_sorted_by(|earlier, later| earlier >= later), "{course:?}");
+    }
+}
+
+#[test]
+fn the_search_finds_better_expressions() {
+    let outcome =
+        search(&Settings { island_size: 40, generations: 40, ..small() }, &Regression::new());
+    let first = outcome.history[0].best;
+    assert!(least(&outcome) < first / 10.0, "{} from {first}", least(&outcome));
+}
+
+#[test]
+fn after_a_migration_the_neighbour_is_as_good() {
+    let settings = Settings { generations: 5, migration_interval: 5, ..small() };
+    let outcome = search(&settings, &Regression::new());
+    let bests: Vec<f64> = outcome.islands.iter().map(|p| best(p).fitness).collect();
+    let apart = search(&Settings { migration_interval: 0, ..settings }, &Regression::new());
+    let before: Vec<f64> = apart.islands.iter().map(|p| best(p).fitness).collect();
+    for k in 0..bests.len() {
+        let from = (k + bests.len() - 1) % bests.len();
+        assert_eq!(bests[k], before[k].min(before[from]), "island {k}");
+    }
+}
+
+#[test]
+fn nothing_is_judged_twice() {
+    let fitness = Regression::new();
+    let outcome = search(&small(), &fitness);
+    let asked = fitness.asked.lock().unwrap();
+    let distinct: HashSet<Tree> = asked.iter().map(canonical).collect();
+    assert_eq!(distinct.len(), asked.len());
+    assert_eq!(outcome.evaluations, asked.len());
+    assert!(outcome.memo_hits > 0);
+}
+
+#[test]
+fn the_best_is_chosen_by_the_full_fitness() {
+    let outcome = search(&small(), &Regression::new());
+    assert_eq!(outcome.finalists.len(), small().finalists);
+    assert!(outcome.finalists.is_sorted_by_key(|f| f.full));
+    // Here the full fitness is breeding's, turned round.
+    assert!(outcome.finalists.iter().all(|f| f.full == -f.bred));
+    assert!(outcome.best().bred > least(&outcome));
+}
+
+#[test]
+fn a_time_limit_of_nothing_still_gives_a_best_so_far() {
+    let fitness = Regression::new();
+    let mut search = Search::new(small(), &fitness).unwrap();
+    let control = Control { time_limit: Some(Duration::ZERO), ..Control::default() };
+    let outcome = search.run(&control, &mut |_| {}).unwrap();
+    assert_eq!(outcome.ending, Ending::TimeLimit);
+    assert_eq!(outcome.evaluations, small().batch);
+    assert!(outcome.islands.is_empty());
+    assert!(outcome.best().full.is_finite());
+}
+
+/// Searches until so many evaluations, writing to `path`.
+fn interrupted(settings: &Settings, after: usize, path: &Path) -> Outcome {
+    let stop = Arc::new(AtomicBool::new(false));
+    let fitness = Regression { alarm: Some((after, stop.clone())), ..Regression::new() };
+    let checkpoints = Some(Checkpoints { path: path.to_owned(), interval: 2 });
+    let control = Control { stop, checkpoints, ..Control::default() };
+    Search::new(settings.clone(), &fitness).unwrap().run(&control, &mut |_| {}).unwrap()
+}
+
+#[test]
+fn a_resumed_search_ends_as_if_never_interrupted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.json");
+    let whole = search(&small(), &Regression::new());
+    // In the initial population, early, and late; always within a generation.
+    for after in [10, 120, whole.evaluations - 10] {
+        let part = interrupted(&small(), after, &path);
+        assert_eq!(part.ending, Ending::Stopped);
+        assert!(part.evaluations < whole.evaluations);
+
+        let fitness = Regression::new();
+        let checkpoint = Checkpoint::read(&path).unwrap();
+        let mut search = Search::resume(checkpoint, &fitness).unwrap();
+        let resumed = search.run(&Control::default(), &mut |_| {}).unwrap();
+        assert_eq!(resumed, whole, "after {after} evaluations");
+        assert_eq!(fitness.asked.lock().unwrap().len(), whole.evaluations - part.evaluations);
+    }
+}
+
+#[test]
+fn a_finished_search_can_go_on_for_more_generations() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.json");
+    let half = Settings { generations: 6, ..small() };
+    interrupted(&half, usize::MAX, &path);
+    let checkpoint = Checkpoint::read(&path).unwrap().until(small().generations);
+    let fitness = Regression::new();
+    let resumed = Search::resume(checkpoint, &fitness)
+        .unwrap()
+        .run(&Control::default(), &mut |_| {})
+        .unwrap();
+    assert_eq!(resumed, search(&small(), &Regression::new()));
+}
+
+#[test]
+fn a_checkpoint_of_another_fitness_is_refused() {
+    let fitness = Regression::new();
+    let checkpoint = Search::new(small(), &fitness).unwrap().checkpoint();
+    let other = Regression { target: Tree::constant(3.0), ..Regression::new() };
+    let error = Search::resume(checkpoint, &other).err().expect("another target");
+    assert!(matches!(error, Error::Identity { .. }), "{error}");
+}
+
+#[test]
+fn what_is_no_checkpoint_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.json");
+    assert!(matches!(Checkpoint::read(&path), Err(Error::Read { .. })));
+    std::fs::write(&path, "{}").unwrap();
+    let error = Checkpoint::read(&path).unwrap_err();
+    assert!(error.to_string().contains("other.json"), "{error}");
+
+    // One individual short.
+    let fitness = Regression::new();
+    let mut search = Search::new(small(), &fitness).unwrap();
+    search.run(&Control::default(), &mut |_| {}).unwrap();
+    let mut checkpoint = search.checkpoint();
+    checkpoint.state.islands[1].pop();
+    checkpoint.write(&path).unwrap();
+    assert!(matches!(Checkpoint::read(&path), Err(Error::Checkpoint { .. })));
+}
+
+#[test]
+fn the_listener_hears_of_every_generation() {
+    let fitness = Regression::new();
+    let mut generations = Vec::new();
+    let mut judged = 0;
+    let mut finals = 0;
+    Search::new(small(), &fitness)
+        .unwrap()
+        .run(&Control::default(), &mut |event| match event {
+            Event::Batch { of, judged: j, .. } if j == of => judged += of,
+            Event::Batch { .. } => {}
+            Event::Generation { generation, of, islands, best } => {
+                assert_eq!((of, islands.len()), (12, 3));
+                assert!(islands.iter().all(|row| row.best >= best.fitness));
+                assert_eq!(islands[0].evaluations, judged);
+                generations.push(generation);
+            }
+            Event::Finalists { count } => finals += count,
+        })
+        .unwrap();
+    assert_eq!(generations, (0..=12).collect::<Vec<u32>>());
+    assert_eq!(finals, small().finalists);
+}

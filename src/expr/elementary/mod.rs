@@ -1,0 +1,183 @@
+//! Elementary functions, made of primitives alone.
+//!
+//! Every function here is straight-line code over [`Prim`](super::tape::Prim):
+//! no call breaks a vector loop, and every back end that runs the primitives
+//! gives the same bits. It is written with [`Builder`]'s exact methods only, so
+//! no rule changes a result; where the operand's range decides a clamp or a
+//! selection, the builder drops it, so that an exponential of what is never
+//! positive, or an arc sine of what lies in [0, 1], costs less by itself.
+//!
+//! All functions are total: for finite operands within
+//! ±[`LIMIT`](super::builder::LIMIT) they give a finite result within it, and so
+//! do their meanings. Where mathematics has no value, each constant says which
+//! one is taken.
+//!
+//! Polynomials are minimax fits (Remez), refitted while their coefficients were
+//! rounded to `f32` one by one. They are evaluated by Horner's rule: it takes
+//! the fewest primitives, and its latency is hidden because the machine code
+//! interleaves several independent chains.
+//!
+//! # What they cost, and how far they are off
+//!
+//! Primitives for an operand of which nothing is known. Errors are maxima over
+//! **all** `f32` within ±1e18 against the f64 meaning (`pow`: over 10^8 pairs);
+//! the table is what `check_all` prints, and the budgets are these figures
+//! rounded up.
+//!
+//! TABLE
+//!
+//! The ignored tests measure it again, one core-minute or two per function:
+//!
+//! ```text
+//! RUSTFLAGS=-Ctarget-cpu=native cargo test --release every_float -- --ignored --nocapture
+//! ```
+
+mod exp;
+mod inverse;
+mod power;
+#[cfg(test)]
+pub(super) mod suite;
+mod trig;
+
+pub use exp::EXP;
+pub use inverse::{ACOS, ASIN, ATAN};
+pub use power::{POW, SQRT};
+pub use trig::{COS, SIN, TAN};
+
+use super::builder::Builder;
+use super::function::Budget;
+use super::interval::Interval;
+use super::tape::Value;
+
+/// The polynomial with these coefficients, lowest power first.
+pub(super) fn horner(b: &mut Builder, x: Value, coefficients: &[f32]) -> Value {
+    let (&highest, rest) = coefficients.split_last().expect("a polynomial has a coefficient");
+    let highest = b.constant(highest);
+    rest.iter().rev().fold(highest, |sum, &c| {
+        let c = b.constant(c);
+        b.fma(sum, x, c)
+    })
+}
+
+/// Encloses every result that the budget allows where the exact results lie
+/// between `lo` and `hi`.
+pub(super) fn enclosure(budget: Budget, lo: f64, hi: f64) -> Interval {
+    // One ulp more: half for rounding the bounds, half for widening them.
+    let relative = (budget.ulp + 1.0) * f64::from(f32::EPSILON);
+    Interval::new(lo as f32, hi as f32).widened(relative as f32, budget.absolute as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::builder::{LIMIT, Rules};
+    use super::super::function::{Binary, Unary};
+    use super::*;
+
+    macro_rules! conforms {
+        ($($name:ident: $function:ident)*) => {
+            $(#[test]
+            fn $name() {
+                suite::check($function);
+            })*
+
+            /// Every `f32`, for the table in the module's documentation.
+            mod every_float {
+                use super::*;
+                $(#[test]
+                #[ignore = "takes minutes"]
+                fn $name() {
+                    suite::check_all(stringify!($name), $function);
+                })*
+            }
+        };
+    }
+
+    conforms!(exp: EXP sin: SIN cos: COS tan: TAN asin: ASIN acos: ACOS atan: ATAN sqrt: SQRT);
+
+    /// Random bit patterns seldom have a power that is neither 0 nor clamped:
+    /// these exponents make one that is spread evenly over all magnitudes.
+    #[test]
+    fn pow() {
+        suite::check_pairs(POW, |random| {
+            let x = match random.between(0.0, 4.0) as u8 {
+                0 => random.any(),
+                1 => random.between(-4.0, 4.0) as f32,
+                2 => 1.0 + random.between(-0.7, 0.7).powi(9) as f32,
+                _ => random.between(0.7, 1.45) as f32,
+            };
+            let y = random.between(-130.0, 62.0) / f64::from(x).abs().log2();
+            (x, y.clamp(-1e18, 1e18) as f32)
+        });
+    }
+
+    /// One result of a function of constants.
+    fn value(f: Binary, x: f32, y: f32) -> f32 {
+        let mut b = Builder::new(Rules::ALL);
+        let (x, y) = (b.constant(x), b.constant(y));
+        let result = (f.build)(&mut b, x, y);
+        b.finish(&[result]).eval(|_| unreachable!("nothing is read"))[0]
+    }
+
+    #[test]
+    fn pow_is_defined_where_mathematics_is_not() {
+        let cases = [
+            (0.0, 0.0, 1.0),
+            (-5.0, 0.0, 1.0),
+            (0.0, 0.002, 0.0),
+            (0.0, -0.5, LIMIT),
+            (0.0, -1.0, LIMIT),
+            (1e-40, 0.25, 0.0),
+            (-2.0, 3.0, -8.0),
+            (-2.0, 5.0, -32.0),
+            (-2.0, 6.0, 64.0),
+            (-2.0, -1.0, -0.5),
+            (-4.0, 0.5, 2.0),
+            (-16.0, 0.25, 2.0),
+            (10.0, 30.0, LIMIT),
+            (-10.0, 31.0, -LIMIT),
+            (0.5, 200.0, 0.0),
+            (1.0, 1e18, 1.0),
+            (-1.0, 16_777_217.0, 1.0),
+        ];
+        for (x, y, want) in cases {
+            assert_eq!(value(POW, x, y), want, "pow({x}, {y})");
+            let exact = (POW.meaning)(x.into(), y.into());
+            assert!(POW.budget.allows(want, exact), "pow({x}, {y}) means {exact:e}");
+        }
+    }
+
+    /// A power of two needs no logarithm: y log2 c is a product by constants.
+    #[test]
+    fn a_constant_base_leaves_only_the_exponential() {
+        let everything = Interval::new(-LIMIT, LIMIT);
+        let primitives = |base: f32| {
+            let mut b = Builder::new(Rules::ALL);
+            let base = b.constant(base);
+            let y = b.input(super::super::tape::Input::PerPixel(0), everything);
+            let power = (POW.build)(&mut b, base, y);
+            let tape = b.finish(&[power]);
+            tape.instrs().iter().filter(|i| !i.operands().is_empty()).count()
+        };
+        assert_eq!((primitives(2.0), primitives(0.3)), (13, 20));
+    }
+
+    #[test]
+    fn meanings_have_their_known_values() {
+        let near = |f: Unary, x: f64, want: f64| {
+            let got = (f.meaning)(x);
+            assert!(
+                (got - want).abs() <= 1e-15 * want.abs().max(1.0),
+                "f({x}) = {got}, not {want}"
+            );
+        };
+        near(EXP, 0.0, 1.0);
+        near(SIN, 0.5, 0.479_425_538_604_203);
+        near(COS, 0.0, 1.0);
+        near(TAN, 1.0, 1.557_407_724_654_902_2);
+        near(ASIN, 2.0, std::f64::consts::FRAC_PI_2);
+        near(ACOS, -1.0, std::f64::consts::PI);
+        near(ATAN, 1.0, std::f64::consts::FRAC_PI_4);
+        near(SQRT, -1.0, 0.0);
+        near(SIN, 1e9, (SIN.meaning)(1e5));
+    }
+}

@@ -1,0 +1,172 @@
+//! What can go wrong with scenes: one enum, each case naming the file, what was
+//! expected, what the file has instead, and what to do.
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why a scene or an image could not be read, used or written.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The operating system refused.
+    #[error("{path}: cannot {action}: {source}", path = path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried, as a verb.
+        action: &'static str,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The file is no OpenEXR file at all.
+    #[error(
+        "{path}: not an OpenEXR file (the first four bytes are not 76 2f 31 01); \
+         scenes and images are read from .exr files only",
+        path = path.display()
+    )]
+    NotExr {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file claims to be OpenEXR, but its contents contradict that.
+    #[error(
+        "{path}: damaged or incomplete OpenEXR file ({detail}); render or copy it again",
+        path = path.display()
+    )]
+    Corrupt {
+        /// The file.
+        path: PathBuf,
+        /// What contradicts what.
+        detail: String,
+    },
+    /// A sound file of a kind that is not read.
+    #[error("{path}: {what}; {advice}", path = path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// What it is or has.
+        what: String,
+        /// How to get one that is read.
+        advice: &'static str,
+    },
+    /// A channel asked for by its full name is not there.
+    #[error("{path}: no channel \"{channel}\"; the file has {present}", path = path.display())]
+    MissingChannel {
+        /// The file.
+        path: PathBuf,
+        /// The full name asked for.
+        channel: String,
+        /// What the file has, as text.
+        present: String,
+    },
+    /// No convention recognises a colour.
+    #[error(
+        "{path}: no colour found; looked for {looked_for}; the file has {present}. \
+         Rename the channels of the noisy colour to R, G and B",
+        path = path.display()
+    )]
+    MissingColor {
+        /// The file.
+        path: PathBuf,
+        /// The names that would have been taken.
+        looked_for: String,
+        /// What the file has, as text.
+        present: String,
+    },
+    /// A filter reads a feature that the file does not hold.
+    #[error(
+        "{path}: the filter reads `{term}`, which this file does not provide; \
+         looked for {looked_for}; the file has {present}. \
+         Render that feature too, or use a filter that does not read it",
+        path = path.display()
+    )]
+    MissingFeature {
+        /// The file.
+        path: PathBuf,
+        /// The term as expressions spell it.
+        term: String,
+        /// The channels that would have been taken.
+        looked_for: String,
+        /// What the file has, as text.
+        present: String,
+    },
+    /// Channels that are to be used together differ in size or place.
+    #[error(
+        "{path}: channel \"{first}\" is {first_window} but \"{second}\" is {second_window}; \
+         all channels of a scene must share one data window: render them at one resolution",
+        path = path.display()
+    )]
+    WindowsDiffer {
+        /// The file.
+        path: PathBuf,
+        /// One channel.
+        first: String,
+        /// Its data window.
+        first_window: String,
+        /// Another channel.
+        second: String,
+        /// Its data window.
+        second_window: String,
+    },
+    /// Two images that are to be compared differ in size.
+    #[error(
+        "{image} is {}x{} pixels but {reference} is {}x{}; \
+         only images of the same size can be compared",
+        size.0, size.1, reference_size.0, reference_size.1
+    )]
+    SizeMismatch {
+        /// Name of the one.
+        image: String,
+        /// Its width and height.
+        size: (usize, usize),
+        /// Name of the other.
+        reference: String,
+        /// Its width and height.
+        reference_size: (usize, usize),
+    },
+    /// Pixels that are no numbers, and the user asked to refuse them.
+    #[error(
+        "{path}: channel \"{channel}\" has {count} pixel(s) that are not finite or beyond \
+         ±1e18, the first at x = {}, y = {}; repair them with `--repair median`",
+        first.0, first.1, path = path.display()
+    )]
+    BadPixels {
+        /// The file.
+        path: PathBuf,
+        /// The channel's full name.
+        channel: String,
+        /// How many.
+        count: usize,
+        /// Where the first one is.
+        first: (usize, usize),
+    },
+    /// A folder that is not a scene.
+    #[error(
+        "{path}: not a scene folder: there is no {missing} in it \
+         (a scene is a folder with 4spp.exr and reference.exr)",
+        path = path.display()
+    )]
+    NotAScene {
+        /// The folder.
+        path: PathBuf,
+        /// The file that should be there.
+        missing: &'static str,
+    },
+    /// No scene below the folders given.
+    #[error("no scenes found below {folders}; a scene is a folder with 4spp.exr and reference.exr")]
+    NoScenes {
+        /// The folders searched, as text.
+        folders: String,
+    },
+}
+
+/// A channel list for an error message: sorted as the file has it, cut where it
+/// would stop being read.
+pub(super) fn listing<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    const SHOWN: usize = 48;
+    let names: Vec<&str> = names.collect();
+    match names.len() {
+        0 => "no channels".to_owned(),
+        n if n <= SHOWN => names.join(", "),
+        n => format!("{}, … and {} more", names[..SHOWN].join(", "), n - SHOWN),
+    }
+}

@@ -1,0 +1,296 @@
+//! What a file holds, without decoding a pixel.
+
+use std::fmt;
+use std::fs::File;
+use std::io::BufReader;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+use exr::block::reader::Reader;
+use exr::meta::attribute::{AttributeValue, SampleType, Text};
+use exr::meta::header::{ImageAttributes, LayerAttributes};
+
+use crate::scene::SceneError;
+use crate::scene::error::listing;
+
+/// More pixels than this are refused before anything is allocated (16384²).
+const MAX_PIXELS: usize = 1 << 28;
+
+/// A file's parts and channels.
+#[derive(Clone, Debug)]
+pub struct Header {
+    path: PathBuf,
+    parts: Vec<Part>,
+    samples_per_pixel: Option<u32>,
+}
+
+/// One part ("layer" in the `exr` crate's words): channels that share a size.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// The part's name, if it has one.
+    pub name: Option<String>,
+    /// Width and height of the data window.
+    pub size: (usize, usize),
+    /// Top left corner of the data window.
+    pub origin: (i32, i32),
+    /// Compression, for people.
+    pub compression: String,
+    /// Whether the pixels stand in tiles.
+    pub tiled: bool,
+    /// Whether this is deep data (several samples per pixel).
+    pub deep: bool,
+    /// The channels, in the file's order.
+    pub channels: Vec<Channel>,
+}
+
+impl Part {
+    /// Size and place of the data window, for people.
+    pub fn window(&self) -> String {
+        let ((w, h), (x, y)) = (self.size, self.origin);
+        if (x, y) == (0, 0) { format!("{w}x{h}") } else { format!("{w}x{h} at ({x}, {y})") }
+    }
+}
+
+/// One channel.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// The full name: see the [module's documentation](super).
+    pub name: String,
+    /// How its samples are stored.
+    pub kind: SampleKind,
+    /// Whether it has fewer samples than pixels.
+    pub subsampled: bool,
+}
+
+/// How samples are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SampleKind {
+    /// 16-bit floating point.
+    Half,
+    /// 32-bit floating point.
+    Float,
+    /// 32-bit unsigned integer.
+    Uint,
+}
+
+impl fmt::Display for SampleKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Half => "half",
+            Self::Float => "float",
+            Self::Uint => "uint",
+        })
+    }
+}
+
+/// What an image says about itself beside its pixels: windows, pixel aspect,
+/// chromaticities, camera. Taken along from the noisy file to the filtered one.
+#[derive(Clone, Debug)]
+pub struct Attributes {
+    pub(super) shared: ImageAttributes,
+    pub(super) own: LayerAttributes,
+}
+
+impl Attributes {
+    /// Keeps what stays true of a filtered RGB image. Names of parts and views,
+    /// previews and unknown attributes (cryptomatte manifests, …) describe the
+    /// source file, not the result.
+    pub(super) fn of(header: &exr::meta::header::Header) -> Self {
+        let own = LayerAttributes {
+            layer_name: None,
+            view_name: None,
+            multi_view_names: None,
+            preview: None,
+            deep_image_state: None,
+            other: Default::default(),
+            ..header.own_attributes.clone()
+        };
+        Self { shared: header.shared_attributes.clone(), own }
+    }
+}
+
+impl Header {
+    /// Reads the listing of the file at `path`.
+    ///
+    /// # Errors
+    /// If the file cannot be opened or is no OpenEXR file.
+    pub fn read(path: &Path) -> Result<Self, SceneError> {
+        Ok(Self::of(path, open(path)?.headers()))
+    }
+
+    pub(super) fn of(path: &Path, headers: &[exr::meta::header::Header]) -> Self {
+        let parts = headers.iter().map(|header| part(header, headers.len() > 1)).collect();
+        let samples_per_pixel = headers.iter().find_map(samples_per_pixel);
+        Self { path: path.to_owned(), parts, samples_per_pixel }
+    }
+
+    /// Whose listing this is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The parts, in the file's order.
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// The file's own statement of its samples per pixel (pbrt-v4 writes one).
+    pub fn samples_per_pixel(&self) -> Option<u32> {
+        self.samples_per_pixel
+    }
+
+    /// The full names of all channels, in the file's order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.parts.iter().flat_map(|part| &part.channels).map(|channel| channel.name.as_str())
+    }
+
+    /// All channel names as one text, for error messages.
+    pub fn listing(&self) -> String {
+        listing(self.names())
+    }
+
+    /// Part and position in that part of the channel with this full name; of
+    /// several, the first.
+    pub(super) fn find(&self, name: &str) -> Option<(usize, usize)> {
+        self.parts.iter().enumerate().find_map(|(p, part)| {
+            part.channels.iter().position(|channel| channel.name == name).map(|c| (p, c))
+        })
+    }
+}
+
+/// Opens a file and reads its headers, which are then known to be plausible:
+/// no size in them is out of proportion to the file's length.
+pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>, SceneError> {
+    let io = |action| move |source| SceneError::Io { path: path.to_owned(), action, source };
+    let file = File::open(path).map_err(io("open"))?;
+    let metadata = file.metadata().map_err(io("inspect"))?;
+    if metadata.is_dir() {
+        return Err(SceneError::Unsupported {
+            path: path.to_owned(),
+            what: "is a folder where an OpenEXR file is expected".to_owned(),
+            advice: "name the file inside it",
+        });
+    }
+    let reader =
+        guarded(path, || exr::block::read(BufReader::new(file), false)).map_err(|error| {
+            match error {
+                // The crate's wording for a wrong magic number, or none at all.
+                SceneError::Corrupt { detail, .. } if detail.contains("file identifier") => {
+                    SceneError::NotExr { path: path.to_owned() }
+                }
+                other => other,
+            }
+        })?;
+    for header in reader.headers() {
+        plausible(path, header, metadata.len())?;
+    }
+    Ok(reader)
+}
+
+/// Refuses sizes that the file cannot hold, before they are allocated.
+fn plausible(
+    path: &Path,
+    header: &exr::meta::header::Header,
+    file_bytes: u64,
+) -> Result<(), SceneError> {
+    let (width, height) = (header.layer_size.0, header.layer_size.1);
+    let corrupt = |detail: String| SceneError::Corrupt { path: path.to_owned(), detail };
+    if width == 0 || height == 0 {
+        return Err(corrupt(format!("the data window is {width}x{height}")));
+    }
+    if width.checked_mul(height).is_none_or(|pixels| pixels > MAX_PIXELS) {
+        return Err(SceneError::Unsupported {
+            path: path.to_owned(),
+            what: format!("the image is {width}x{height} pixels, more than 2^28"),
+            advice: "cut it into smaller images",
+        });
+    }
+    // Every chunk has an eight-byte entry in the offset table.
+    if (header.chunk_count as u64).saturating_mul(8) > file_bytes {
+        return Err(corrupt(format!(
+            "{} chunks are declared in {file_bytes} bytes",
+            header.chunk_count
+        )));
+    }
+    if !header.deep {
+        let expected = guarded(path, || {
+            Ok(exr::meta::compute_chunk_count(header.compression, header.layer_size, header.blocks))
+        })?;
+        if expected != header.chunk_count {
+            return Err(corrupt(format!(
+                "{} chunks are declared where the image's size makes {expected}",
+                header.chunk_count
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Runs a decoder step; its errors and its panics become errors about `path`.
+///
+/// The `exr` crate guards against most damaged files by errors, but asserts
+/// some invariants that a damaged file can break.
+pub(super) fn guarded<T>(
+    path: &Path,
+    step: impl FnOnce() -> exr::error::Result<T>,
+) -> Result<T, SceneError> {
+    let corrupt = |detail: String| SceneError::Corrupt { path: path.to_owned(), detail };
+    match catch_unwind(AssertUnwindSafe(step)) {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(exr::error::Error::Io(source))) => {
+            Err(SceneError::Io { path: path.to_owned(), action: "read", source })
+        }
+        Ok(Err(exr::error::Error::NotSupported(what))) => Err(SceneError::Unsupported {
+            path: path.to_owned(),
+            what: format!("the file needs something that is not supported ({what})"),
+            advice: "save it as a flat OpenEXR 2 file with ZIP compression",
+        }),
+        Ok(Err(exr::error::Error::Invalid(what))) => Err(corrupt(what.into_owned())),
+        Ok(Err(exr::error::Error::Aborted)) => Err(corrupt("reading was aborted".to_owned())),
+        Err(_) => Err(corrupt("its contents break the decoder's assumptions".to_owned())),
+    }
+}
+
+fn part(header: &exr::meta::header::Header, several: bool) -> Part {
+    let name = header.own_attributes.layer_name.as_ref().map(Text::to_string);
+    let prefix = name.as_deref().filter(|name| several && !name.is_empty());
+    let channels = header.channels.list.iter().map(|channel| Channel {
+        name: full_name(prefix, &channel.name.to_string()),
+        kind: match channel.sample_type {
+            SampleType::F16 => SampleKind::Half,
+            SampleType::F32 => SampleKind::Float,
+            SampleType::U32 => SampleKind::Uint,
+        },
+        subsampled: (channel.sampling.0, channel.sampling.1) != (1, 1),
+    });
+    Part {
+        size: (header.layer_size.0, header.layer_size.1),
+        origin: (header.own_attributes.layer_position.0, header.own_attributes.layer_position.1),
+        compression: header.compression.to_string(),
+        tiled: header.blocks.has_tiles(),
+        deep: header.deep,
+        channels: channels.collect(),
+        name,
+    }
+}
+
+fn full_name(part: Option<&str>, channel: &str) -> String {
+    match part {
+        None => channel.to_owned(),
+        Some(part) => match channel.strip_prefix(part) {
+            Some(rest) if rest.starts_with('.') => channel.to_owned(),
+            Some(_) | None => format!("{part}.{channel}"),
+        },
+    }
+}
+
+fn samples_per_pixel(header: &exr::meta::header::Header) -> Option<u32> {
+    let mut attributes =
+        header.own_attributes.other.iter().chain(header.shared_attributes.other.iter());
+    attributes.find_map(|(name, value)| match value {
+        AttributeValue::I32(spp) if name.eq("samplesPerPixel") => {
+            u32::try_from(*spp).ok().filter(|&spp| spp > 0)
+        }
+        _ => None,
+    })
+}

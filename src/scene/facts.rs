@@ -1,0 +1,134 @@
+//! What is known of a scene's planes before a pixel is filtered.
+//!
+//! The passes substitute these: a feature that is zero everywhere takes the
+//! terms that read it out of the expression, and a range drops guards that can
+//! never act. Machine code specialised to facts is right only for scenes they
+//! hold of, so facts of several scenes are joined to what holds of all.
+
+use std::collections::BTreeMap;
+
+use super::Scene;
+use super::plane::{Plane, Samples};
+use crate::expr::feature::PlaneId;
+use crate::expr::interval::Interval;
+
+/// What is known of one plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fact {
+    /// The scene does not provide it, or it was not asked for.
+    Absent,
+    /// Every pixel has this value.
+    Constant(f32),
+    /// Every sample, padding included, lies in here.
+    Range(Interval),
+}
+
+impl Fact {
+    /// What is known of a plane.
+    pub fn of(plane: &Plane) -> Self {
+        match plane {
+            Plane::Constant(value) => Self::Constant(*value),
+            // The padding repeats pixels, so the pixels' range is the plane's.
+            Plane::Samples(samples) => Self::Range(range(samples)),
+        }
+    }
+
+    /// What holds wherever either holds. Absent from one is absent from both: a
+    /// filter that reads the plane cannot run on all of the scenes.
+    pub fn join(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Absent, _) | (_, Self::Absent) => Self::Absent,
+            (Self::Constant(a), Self::Constant(b)) if a == b => Self::Constant(a),
+            (
+                a @ (Self::Constant(_) | Self::Range(_)),
+                b @ (Self::Constant(_) | Self::Range(_)),
+            ) => Self::Range(a.interval().hull(b.interval())),
+        }
+    }
+
+    /// The values that the plane can have; everything if it is absent.
+    pub fn interval(self) -> Interval {
+        match self {
+            Self::Absent => Interval::ENTIRE,
+            Self::Constant(value) => Interval::point(value),
+            Self::Range(interval) => interval,
+        }
+    }
+}
+
+/// The range of a plane's pixels; everything if one of them is a NaN.
+fn range(samples: &Samples) -> Interval {
+    let (mut lo, mut hi) = (f32::INFINITY, f32::NEG_INFINITY);
+    for y in 0..samples.layout().height() {
+        for &x in samples.pixels(y) {
+            if x.is_nan() {
+                return Interval::ENTIRE;
+            }
+            lo = lo.min(x);
+            hi = hi.max(x);
+        }
+    }
+    Interval::new(lo, hi)
+}
+
+/// The facts of every plane that a scene, or all of several, provides.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Facts {
+    planes: BTreeMap<PlaneId, Fact>,
+}
+
+impl Facts {
+    /// The facts of a scene.
+    pub fn of(scene: &Scene) -> Self {
+        Self { planes: scene.planes().map(|(id, plane)| (id, Fact::of(plane))).collect() }
+    }
+
+    /// Facts stated outright; planes not named are absent.
+    pub fn from_planes(planes: impl IntoIterator<Item = (PlaneId, Fact)>) -> Self {
+        Self { planes: planes.into_iter().collect() }
+    }
+
+    /// What is known of a plane.
+    pub fn get(&self, id: PlaneId) -> Fact {
+        self.planes.get(&id).copied().unwrap_or(Fact::Absent)
+    }
+
+    /// Every plane that is not absent.
+    pub fn iter(&self) -> impl Iterator<Item = (PlaneId, Fact)> {
+        self.planes.iter().map(|(&id, &fact)| (id, fact))
+    }
+
+    /// What holds of both.
+    pub fn join(&self, other: &Self) -> Self {
+        let both = self.iter().map(|(id, fact)| (id, fact.join(other.get(id))));
+        Self { planes: both.filter(|(_, fact)| *fact != Fact::Absent).collect() }
+    }
+
+    /// What holds of all; nothing is known of no scene at all.
+    pub fn of_all<'a>(scenes: impl IntoIterator<Item = &'a Scene>) -> Self {
+        let facts = scenes.into_iter().map(Self::of);
+        facts.reduce(|all, next| all.join(&next)).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expr::feature::{Feature, Quantity};
+
+    #[test]
+    fn joining_keeps_what_both_say() {
+        let (c, r) = (Fact::Constant(1.0), Fact::Range(Interval::new(-2.0, 0.0)));
+        assert_eq!(c.join(c), c);
+        assert_eq!(c.join(Fact::Constant(3.0)), Fact::Range(Interval::new(1.0, 3.0)));
+        assert_eq!(c.join(r), Fact::Range(Interval::new(-2.0, 1.0)));
+        assert_eq!(r.join(Fact::Absent), Fact::Absent);
+        assert_eq!(Fact::Absent.join(c), Fact::Absent);
+        assert_eq!(Fact::Constant(0.0).join(Fact::Constant(-0.0)), Fact::Constant(0.0));
+
+        let id = PlaneId { feature: Feature::Depth, quantity: Quantity::Value, component: 0 };
+        let here = Facts::from_planes([(id, c)]);
+        assert_eq!(here.join(&Facts::default()).get(id), Fact::Absent);
+        assert_eq!(here.join(&here), here);
+    }
+}

@@ -1,0 +1,178 @@
+//! How far an image is from its reference, in `f64`.
+//!
+//! - **RelMSE**: mean over pixels and channels of (img - ref)² / (ref² + 0.01).
+//!   What the search minimises, as in the paper.
+//! - **Trimmed RelMSE**: the same without the worst 0.1% of the pixels, a pixel's
+//!   error being the mean over its channels. A handful of pixels at the edges of
+//!   visible lights decides the plain mean, so the two stand side by side.
+//! - **MSE**: mean of (img - ref)².
+//! - **PSNR**, in decibels, of the tone-mapped images: values clamped to [0, 1] and
+//!   put through the sRGB curve, no exposure applied, peak 1. Infinite for equal
+//!   pictures.
+//!
+//! A pixel that is not finite makes the first three infinite: an image with such
+//! a pixel loses against every image without. Sums run in the images' order,
+//! so a result does not depend on the number of threads.
+
+use super::SceneError;
+use super::image::Image;
+
+/// The share of pixels that the trimmed error leaves out.
+const TRIMMED: f64 = 0.001;
+
+/// The errors of an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Metrics {
+    /// Relative mean square error.
+    pub rel_mse: f64,
+    /// The same without the worst 0.1% of the pixels.
+    pub trimmed_rel_mse: f64,
+    /// Mean square error.
+    pub mse: f64,
+    /// Peak signal-to-noise ratio of the tone-mapped images, in dB.
+    pub psnr: f64,
+}
+
+impl Metrics {
+    /// Compares an image with its reference.
+    ///
+    /// # Errors
+    /// If the images differ in size.
+    pub fn of(image: &Image, reference: &Image) -> Result<Self, SceneError> {
+        if image.size() != reference.size() {
+            return Err(SceneError::SizeMismatch {
+                image: image.name().to_owned(),
+                size: image.size(),
+                reference: reference.name().to_owned(),
+                reference_size: reference.size(),
+            });
+        }
+        let (image, reference) = (image.rgb(), reference.rgb());
+        let mut errors = pixel_errors(image, reference);
+        Ok(Self {
+            rel_mse: mean(&errors),
+            trimmed_rel_mse: trimmed_mean(&mut errors),
+            mse: finite_or_worst(mean_over(image, reference, |x, y| (x - y) * (x - y))),
+            psnr: psnr(image, reference),
+        })
+    }
+}
+
+/// The relative mean square error of three channels.
+///
+/// # Panics
+/// If the channels differ in length.
+pub fn rel_mse(image: [&[f32]; 3], reference: [&[f32]; 3]) -> f64 {
+    mean(&pixel_errors(image, reference))
+}
+
+/// The relative mean square error without the worst 0.1% of the pixels (rounded
+/// down: none, for less than a thousand pixels).
+///
+/// # Panics
+/// If the channels differ in length.
+pub fn trimmed_rel_mse(image: [&[f32]; 3], reference: [&[f32]; 3]) -> f64 {
+    trimmed_mean(&mut pixel_errors(image, reference))
+}
+
+/// Per pixel, the mean over its channels of (img - ref)² / (ref² + 0.01);
+/// infinite where that is not a number.
+///
+/// # Panics
+/// If the channels differ in length.
+pub fn pixel_errors(image: [&[f32]; 3], reference: [&[f32]; 3]) -> Vec<f64> {
+    let mut errors = vec![0.0; reference[0].len()];
+    for (channel, truth) in image.into_iter().zip(reference) {
+        assert_eq!(channel.len(), errors.len(), "channels of one size");
+        assert_eq!(truth.len(), errors.len(), "channels of one size");
+        for ((error, &x), &y) in errors.iter_mut().zip(channel).zip(truth) {
+            let (x, y) = (f64::from(x), f64::from(y));
+            *error += (x - y) * (x - y) / (y * y + 0.01);
+        }
+    }
+    errors.iter_mut().for_each(|error| *error = finite_or_worst(*error / 3.0));
+    errors
+}
+
+fn finite_or_worst(error: f64) -> f64 {
+    if error.is_nan() { f64::INFINITY } else { error }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+fn trimmed_mean(errors: &mut [f64]) -> f64 {
+    let dropped = (errors.len() as f64 * TRIMMED).floor() as usize;
+    let kept = errors.len() - dropped;
+    if dropped > 0 {
+        errors.select_nth_unstable_by(kept, f64::total_cmp);
+        // Selection leaves an order of its own: sum in one that is stated.
+        errors[..kept].sort_unstable_by(f64::total_cmp);
+    }
+    mean(&errors[..kept])
+}
+
+fn mean_over(image: [&[f32]; 3], reference: [&[f32]; 3], f: impl Fn(f64, f64) -> f64) -> f64 {
+    let pairs = image.into_iter().zip(reference).flat_map(|(a, b)| a.iter().zip(b));
+    let sum: f64 = pairs.map(|(&x, &y)| f(f64::from(x), f64::from(y))).sum();
+    sum / (3 * reference[0].len()).max(1) as f64
+}
+
+fn psnr(image: [&[f32]; 3], reference: [&[f32]; 3]) -> f64 {
+    let mse = mean_over(image, reference, |x, y| (srgb(x) - srgb(y)).powi(2));
+    -10.0 * mse.log10()
+}
+
+/// The tone map: clamped to [0, 1] (NaN to 0), then the sRGB curve.
+pub fn srgb(linear: f64) -> f64 {
+    let x = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0) };
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey(width: usize, height: usize, f: impl Fn(usize) -> f32) -> Image {
+        let channel: Vec<f32> = (0..width * height).map(f).collect();
+        Image::new("test", width, height, [channel.clone(), channel.clone(), channel])
+            .expect("one sample per pixel")
+    }
+
+    #[test]
+    fn values_worked_out_by_hand() {
+        let m = Metrics::of(&grey(2, 1, |i| i as f32), &grey(2, 1, |_| 0.5)).expect("same size");
+        assert!((m.rel_mse - 0.25 / 0.26).abs() < 1e-12);
+        assert_eq!(m.trimmed_rel_mse, m.rel_mse);
+        assert!((m.mse - 0.25).abs() < 1e-12);
+        let equal = Metrics::of(&grey(2, 1, |_| 0.5), &grey(2, 1, |_| 0.5)).expect("same size");
+        assert_eq!((equal.rel_mse, equal.psnr), (0.0, f64::INFINITY));
+        // 0 against 1: the greatest error that the tone map leaves.
+        let worst = Metrics::of(&grey(1, 1, |_| 9.0), &grey(1, 1, |_| -9.0)).expect("same size");
+        assert_eq!(worst.psnr, 0.0);
+    }
+
+    #[test]
+    fn the_worst_pixels_are_trimmed_as_pixels() {
+        let image = grey(100, 20, |i| if i < 2 { 1e6 } else { 1.0 });
+        let m = Metrics::of(&image, &grey(100, 20, |_| 1.0)).expect("same size");
+        assert!(m.rel_mse > 1e8);
+        assert_eq!(m.trimmed_rel_mse, 0.0);
+    }
+
+    #[test]
+    fn an_image_that_is_no_number_is_infinitely_wrong() {
+        for bad in [f32::NAN, f32::INFINITY] {
+            let m = Metrics::of(&grey(1, 1, |_| bad), &grey(1, 1, |_| 1.0)).expect("same size");
+            assert_eq!((m.rel_mse, m.mse), (f64::INFINITY, f64::INFINITY));
+            assert!(!m.psnr.is_nan());
+        }
+    }
+
+    #[test]
+    fn sizes_must_agree() {
+        let error = Metrics::of(&grey(2, 3, |_| 0.0), &grey(3, 2, |_| 0.0)).unwrap_err();
+        assert!(error.to_string().contains("2x3") && error.to_string().contains("3x2"), "{error}");
+    }
+}

@@ -1,0 +1,169 @@
+//! Floor 1: rendered scenes.
+//!
+//! A [`Scene`] is what a filter works on: the noisy colour as it is, and for the
+//! weights one [`Plane`] per component of each feature's value, gradient and
+//! variance, in the form described in [`plane`], in the units described in
+//! [`normalize`]. [`Scene::load`] makes it from an OpenEXR file of any renderer
+//! in [`naming`]; [`RawScene`] from memory.
+//!
+//! What it promises:
+//! - Only the channels that the [`Needs`] come from are decoded, and what a plane
+//!   holds does not depend on what else is needed.
+//! - Unless bad pixels are left in ([`Repair::None`]), every sample is finite and
+//!   within ±1e18.
+//! - Scaling the exposure, or the world, by a power of two changes no bit of any
+//!   plane; other scales, and moving the world, change them within rounding.
+//! - Whatever was repaired, estimated or guessed is in [`Scene::notes`].
+//!
+//! What it does not know: whether the channels hold what their names say.
+
+pub mod derive;
+mod error;
+pub mod exr;
+pub mod facts;
+mod folder;
+mod image;
+pub mod inspect;
+pub mod mapping;
+pub mod metric;
+pub mod naming;
+mod needs;
+pub mod normalize;
+mod note;
+mod output;
+pub mod plane;
+mod prepare;
+mod raw;
+pub mod repair;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+pub use error::SceneError;
+pub use exr::Attributes;
+pub use facts::{Fact, Facts};
+pub use folder::{NOISY, REFERENCE, SceneFiles, discover, scene_name};
+pub use image::Image;
+pub use metric::Metrics;
+pub use needs::Needs;
+pub use normalize::{ColorScale, Normalization};
+pub use note::Note;
+pub use output::write_atomically;
+pub use plane::{Layout, Plane, Samples};
+pub use raw::RawScene;
+pub use repair::Repair;
+
+use crate::expr::feature::PlaneId;
+use raw::Origin;
+
+/// How scenes are loaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// What becomes of pixels that are no numbers.
+    pub repair: Repair,
+    /// How colours are laid out for weights.
+    pub color_scale: ColorScale,
+}
+
+/// A noisy image with its features, ready to be filtered.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    name: String,
+    layout: Layout,
+    color: [Samples; 3],
+    ones: Samples,
+    planes: BTreeMap<PlaneId, Plane>,
+    normalization: Normalization,
+    notes: Vec<Note>,
+    origin: Origin,
+}
+
+impl Scene {
+    /// Loads the scene in the file at `path`, for windows up to radius `pad`.
+    ///
+    /// A needed plane that the file cannot provide is left out; ask
+    /// [`Scene::require`] for an error.
+    ///
+    /// # Errors
+    /// If the file cannot be read, has no colour, or has bad pixels that the
+    /// options refuse.
+    pub fn load(
+        path: &Path,
+        needs: &Needs,
+        pad: usize,
+        options: &LoadOptions,
+    ) -> Result<Self, SceneError> {
+        RawScene::read(path, needs, options)?.prepare(needs, pad, options)
+    }
+
+    /// What reports call it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Where the samples of every plane of this scene stand.
+    pub fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// The noisy colour as the renderer wrote it (but for repaired pixels): what
+    /// is averaged. Zero in the padding.
+    pub fn color(&self) -> &[Samples; 3] {
+        &self.color
+    }
+
+    /// 1 inside the image, 0 in the padding: summed with the weights of taps
+    /// outside, it adds nothing.
+    pub fn ones(&self) -> &Samples {
+        &self.ones
+    }
+
+    /// A plane for weights to look at; `None` if the scene does not provide it or
+    /// it was not needed.
+    pub fn plane(&self, id: PlaneId) -> Option<&Plane> {
+        self.planes.get(&id)
+    }
+
+    /// Every plane for weights.
+    pub fn planes(&self) -> impl Iterator<Item = (PlaneId, &Plane)> {
+        self.planes.iter().map(|(&id, plane)| (id, plane))
+    }
+
+    /// The scales that the planes were divided by.
+    pub fn normalization(&self) -> &Normalization {
+        &self.normalization
+    }
+
+    /// What was done on the way in.
+    pub fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+
+    /// What the file says beside its pixels, to be written with the result.
+    pub fn attributes(&self) -> Option<&Attributes> {
+        self.origin.attributes.as_ref()
+    }
+
+    /// The noisy colour as an unpadded image.
+    pub fn noisy(&self) -> Image {
+        let rgb = self.color.each_ref().map(|channel| {
+            (0..self.layout.height()).flat_map(|y| channel.pixels(y)).copied().collect()
+        });
+        Image::new(&self.name, self.layout.width(), self.layout.height(), rgb)
+            .expect("one sample per pixel, as the layout has it")
+            .with_attributes(self.attributes())
+    }
+
+    /// Checks that the scene provides what a filter reads. The scene must have
+    /// been loaded with at least these needs.
+    ///
+    /// # Errors
+    /// For the first plane that is missing: its spelling in expressions, the
+    /// channels it would have been taken from, and those that the file has.
+    pub fn require(&self, needs: &Needs) -> Result<(), SceneError> {
+        let missing = needs.named().into_iter().flatten().find(|id| !self.planes.contains_key(id));
+        missing.map_or(Ok(()), |&id| Err(self.origin.missing(&self.name, id)))
+    }
+}

@@ -1,0 +1,183 @@
+//! Scales that free filters from a scene's units and exposure.
+//!
+//! A weight such as `exp(-distanceMax(worldPosition, worldPosition) / 0.05)`
+//! means nothing before one knows in what unit. So what weights look at is
+//! measured in units of the picture itself:
+//!
+//! - **Positions** are taken relative to the visible geometry: per axis, the
+//!   median of the pixels that hit something is subtracted; then all axes are
+//!   divided by the *extent*, the greatest of the three distances between the
+//!   axis' 5th and 95th percentile. A floor that runs to the horizon, or one far
+//!   mountain, hardly moves either.
+//! - **Depth** is divided by the same extent, or where the file has no positions
+//!   by the 95th percentile of its own non-zero values.
+//! - **Pixels that hit nothing** have 0 in depth and in all components of the
+//!   position, wherever the world's origin is.
+//! - **Colour and direct light** are divided by the *exposure*, the median of the
+//!   noisy colour's positive luminances. Only what weights look at: the colours
+//!   that a filter averages stay as they are.
+//! - **Variances** are divided by the square of what their feature is divided by.
+//!
+//! Every scale is an element of the data or the difference of two (never a sum
+//! over pixels), so that scaling the input by a power of two scales it exactly,
+//! and what is divided by it does not change in a single bit; unless values
+//! leave the range of normal `f32` numbers.
+
+use std::fmt;
+
+/// The quantiles that bound the visible geometry along an axis.
+const NEAR: f64 = 0.05;
+const FAR: f64 = 0.95;
+
+/// How colours are laid out for weights, after division by the exposure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColorScale {
+    /// As they are.
+    #[default]
+    Linear,
+    /// c / (1 + |c|): equal steps mean less in bright regions, as they do to the
+    /// eye, and fireflies come to at most 1. Variances follow to first order.
+    Compressed,
+}
+
+impl ColorScale {
+    /// Lays one component out.
+    pub fn apply(self, c: f32) -> f32 {
+        match self {
+            Self::Linear => c,
+            Self::Compressed => c / (1.0 + c.abs()),
+        }
+    }
+
+    /// The square of the layout's slope at `c`: how it scales variances.
+    pub fn slope_squared(self, c: f32) -> f32 {
+        match self {
+            Self::Linear => 1.0,
+            Self::Compressed => (1.0 + c.abs()).powi(-4),
+        }
+    }
+}
+
+/// The scales that a scene was normalised by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Normalization {
+    /// What colour and direct light were divided by.
+    pub exposure: f32,
+    /// How they were laid out afterwards.
+    pub color_scale: ColorScale,
+    /// What was subtracted from positions; `None` if none were read.
+    pub center: Option<[f32; 3]>,
+    /// What positions and depths were divided by; `None` if none were read.
+    pub extent: Option<f32>,
+}
+
+impl fmt::Display for Normalization {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "exposure {:.4}", self.exposure)?;
+        match self.color_scale {
+            ColorScale::Linear => {}
+            ColorScale::Compressed => f.write_str(" (compressed)")?,
+        }
+        if let Some(extent) = self.extent {
+            write!(f, ", extent {extent:.4}")?;
+        }
+        if let Some([x, y, z]) = self.center {
+            write!(f, ", centre ({x:.4}, {y:.4}, {z:.4})")?;
+        }
+        Ok(())
+    }
+}
+
+/// The exposure of an image: the (lower) median of its positive luminances, by
+/// the primaries of Rec. 709; 1 for an image without any.
+pub fn exposure(rgb: [&[f32]; 3]) -> f32 {
+    let [r, g, b] = rgb;
+    let luminance = |i: usize| 0.2126 * r[i] + 0.7152 * g[i] + 0.0722 * b[i];
+    let mut positive: Vec<f32> =
+        (0..r.len()).map(luminance).filter(|&y| y > 0.0 && y.is_finite()).collect();
+    quantile(&mut positive, 0.5).unwrap_or(1.0)
+}
+
+/// Which pixels show something: those where `evidence` (a feature that is zero
+/// where nothing is hit) is not zero in all components.
+pub fn hits(evidence: &[Vec<f32>]) -> Vec<bool> {
+    let pixels = evidence.first().map_or(0, Vec::len);
+    (0..pixels).map(|i| evidence.iter().any(|component| component[i] != 0.0)).collect()
+}
+
+/// Centre and extent of the positions of the pixels that hit something.
+pub fn geometry(position: &[Vec<f32>], hits: &[bool]) -> ([f32; 3], f32) {
+    let mut center = [0.0; 3];
+    let (mut extent, mut full) = (0.0f32, 0.0f32);
+    for (axis, samples) in position.iter().enumerate().take(3) {
+        let mut seen: Vec<f32> = samples
+            .iter()
+            .zip(hits)
+            .filter(|&(x, &hit)| hit && x.is_finite())
+            .map(|(&x, _)| x)
+            .collect();
+        let mut span = |low, high| {
+            let low = quantile(&mut seen, low).unwrap_or(0.0);
+            quantile(&mut seen, high).unwrap_or(0.0) - low
+        };
+        extent = extent.max(span(NEAR, FAR));
+        full = full.max(span(0.0, 1.0));
+        center[axis] = quantile(&mut seen, 0.5).unwrap_or(0.0);
+    }
+    // Almost everything in one point: what is not, tells the size.
+    (center, usable(extent).or(usable(full)).unwrap_or(1.0))
+}
+
+/// The extent of a scene that is known by its depths alone.
+pub fn depth_extent(depth: &[f32]) -> f32 {
+    let mut seen: Vec<f32> = depth.iter().copied().filter(|&d| d != 0.0 && d.is_finite()).collect();
+    quantile(&mut seen, FAR).and_then(|d| usable(d.abs())).unwrap_or(1.0)
+}
+
+/// A scale that can be divided by.
+fn usable(scale: f32) -> Option<f32> {
+    (scale.is_normal() && scale > 0.0).then_some(scale)
+}
+
+/// The element at a quantile, counted from below. Reorders the samples.
+fn quantile(samples: &mut [f32], q: f64) -> Option<f32> {
+    let last = samples.len().checked_sub(1)?;
+    let rank = (last as f64 * q).floor() as usize;
+    Some(*samples.select_nth_unstable_by(rank, f32::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_exposure_is_a_luminance_of_the_image_and_ignores_black_and_negative_pixels() {
+        let grey = [0.0, -4.0, 2.0, 1.0, 3.0, f32::NAN];
+        let e = exposure([&grey, &grey, &grey]);
+        assert!((e - 2.0).abs() < 1e-6, "{e}");
+        assert_eq!(exposure([&[0.0], &[0.0], &[0.0]]), 1.0);
+        assert_eq!(exposure([&[], &[], &[]]), 1.0);
+    }
+
+    #[test]
+    fn outliers_hardly_move_the_geometry() {
+        let mut x: Vec<f32> = (0..1000).map(|i| i as f32 / 1000.0).collect();
+        let zeros = vec![0.0; 1000];
+        let hit = vec![true; 1000];
+        let (_, before) = geometry(&[x.clone(), zeros.clone(), zeros.clone()], &hit);
+        for far in &mut x[990..] {
+            *far = 1e6;
+        }
+        let (center, after) = geometry(&[x, zeros.clone(), zeros], &hit);
+        assert!((before - after).abs() < 0.02 && (after - 0.9).abs() < 0.01, "{before} {after}");
+        assert!((center[0] - 0.5).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_single_point_and_no_point_have_a_usable_extent() {
+        let point = [vec![5.0], vec![5.0], vec![5.0]];
+        assert_eq!(geometry(&point, &[true]), ([5.0; 3], 1.0));
+        assert_eq!(geometry(&point, &[false]), ([0.0; 3], 1.0));
+        assert_eq!(depth_extent(&[0.0, 0.0]), 1.0);
+    }
+}

@@ -1,0 +1,64 @@
+//! Files that appear whole or not at all.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::Path;
+
+use super::SceneError;
+
+/// Writes `bytes` to `path` through a temporary file in the same folder and a
+/// rename: whoever looks sees the old file or the new one, and a run that fails
+/// or is killed leaves no half of one.
+///
+/// What exists and is no regular file (`/dev/stdout`, a named pipe) is written
+/// into, as a rename would replace it.
+///
+/// # Errors
+/// If the folder does not exist or cannot be written.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), SceneError> {
+    let attempt = || -> io::Result<()> {
+        if fs::metadata(path).is_ok_and(|target| !target.is_file()) {
+            return fs::write(path, bytes);
+        }
+        // A link keeps pointing where it does; the file it names is replaced.
+        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let folder = match target.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            Some(_) | None => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".tamis-");
+        // Temporary files are private by default; results follow the umask.
+        #[cfg(unix)]
+        let builder = {
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(fs::Permissions::from_mode(0o666))
+        };
+        let mut file = builder.tempfile_in(folder)?;
+        file.write_all(bytes)?;
+        file.persist(&target).map_err(|error| error.error)?;
+        Ok(())
+    };
+    attempt().map_err(|source| SceneError::Io { path: path.to_owned(), action: "write", source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_written_file_replaces_the_old_one_and_leaves_nothing_else() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("out.txt");
+        write_atomically(&path, b"old").expect("writable");
+        write_atomically(&path, b"new").expect("writable");
+        assert_eq!(fs::read(&path).expect("written"), b"new");
+        assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1);
+    }
+
+    #[test]
+    fn a_missing_folder_is_an_error_that_names_the_file() {
+        let error = write_atomically(Path::new("/no/such/folder/out.exr"), b"").unwrap_err();
+        assert!(error.to_string().contains("/no/such/folder/out.exr"), "{error}");
+    }
+}

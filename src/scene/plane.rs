@@ -1,0 +1,218 @@
+//! One scalar image in the form that filters read: padded rows, or a constant.
+//!
+//! A window loop asks for the sample at `x + dx` for every `dx` of its window,
+//! several `x` at a time. So that it never has to ask whether that sample
+//! exists, every row carries [`Layout::pad`] further samples on both sides and
+//! slack after the right one. Rows themselves are not padded above and below:
+//! whether a whole row of the window exists is one test per row, not per pixel.
+//!
+//! What stands in the padding is the maker's choice ([`Edge`]): planes that
+//! weights look at repeat the edge, so that the padding holds no value that
+//! the image does not; planes that are summed hold zero there, so that a tap
+//! outside the image adds nothing.
+
+use std::sync::Arc;
+
+/// Samples that a lane group may read past the last padded sample of a row.
+const SLACK: usize = 64;
+/// Rows start at multiples of this many samples (one 512-bit register).
+const ALIGN: usize = 16;
+
+/// Where the samples of a plane stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Layout {
+    width: usize,
+    height: usize,
+    pad: usize,
+    stride: usize,
+}
+
+impl Layout {
+    /// The layout of a `width` x `height` image for windows of radius `pad`.
+    pub fn new(width: usize, height: usize, pad: usize) -> Self {
+        let stride = (width + 2 * pad + SLACK).next_multiple_of(ALIGN);
+        Self { width, height, pad, stride }
+    }
+
+    /// Pixels per row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Padding columns on the left, and on the right before the slack: the
+    /// greatest window radius that these planes serve.
+    pub fn pad(&self) -> usize {
+        self.pad
+    }
+
+    /// Samples from one row's start to the next's: a multiple of 16 and at least
+    /// `width + 2 * pad + 64`.
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Pixels of the image, padding not counted.
+    pub fn pixels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Samples of a padded plane.
+    pub fn samples(&self) -> usize {
+        self.stride * self.height
+    }
+
+    /// Position of pixel (x, y) in a padded plane.
+    pub fn index(&self, x: usize, y: usize) -> usize {
+        y * self.stride + self.pad + x
+    }
+}
+
+/// What stands in the padding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Edge {
+    /// The row's first and last sample, repeated.
+    Replicate,
+    /// Zero.
+    Zero,
+}
+
+/// A padded plane. Cloning shares the samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Samples {
+    layout: Layout,
+    data: Arc<[f32]>,
+}
+
+impl Samples {
+    /// Pads an image given row by row without padding.
+    ///
+    /// # Panics
+    /// If `pixels` does not hold exactly `layout.pixels()` values.
+    pub fn new(layout: Layout, pixels: &[f32], edge: Edge) -> Self {
+        assert_eq!(pixels.len(), layout.pixels(), "one value per pixel of the layout");
+        let mut data = Vec::with_capacity(layout.samples());
+        for row in pixels.chunks_exact(layout.width.max(1)) {
+            let (before, after) = match edge {
+                Edge::Replicate => (row[0], row[row.len() - 1]),
+                Edge::Zero => (0.0, 0.0),
+            };
+            let end = data.len() + layout.stride;
+            data.resize(data.len() + layout.pad, before);
+            data.extend_from_slice(row);
+            data.resize(end, after);
+        }
+        Self { layout, data: data.into() }
+    }
+
+    /// Where the samples stand.
+    pub fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// All samples, padding included.
+    pub fn as_slice(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// Row `y` with its padding: `stride` samples, pixel x at `pad + x`.
+    pub fn row(&self, y: usize) -> &[f32] {
+        &self.data[y * self.layout.stride..(y + 1) * self.layout.stride]
+    }
+
+    /// The pixels of row `y`, without the padding.
+    pub fn pixels(&self, y: usize) -> &[f32] {
+        &self.row(y)[self.layout.pad..self.layout.pad + self.layout.width]
+    }
+
+    /// The sample of pixel (x, y).
+    pub fn at(&self, x: usize, y: usize) -> f32 {
+        self.data[self.layout.index(x, y)]
+    }
+}
+
+/// A plane that weights look at.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Plane {
+    /// Every pixel has this value: nothing is stored, and whatever depends on it
+    /// alone can be computed before the first pixel.
+    Constant(f32),
+    /// One sample per pixel, the edges repeated into the padding.
+    Samples(Samples),
+}
+
+impl Plane {
+    /// Makes the plane of an image given row by row without padding; an image of
+    /// one value becomes [`Plane::Constant`] (-0 and +0 count as one value).
+    ///
+    /// # Panics
+    /// If `pixels` does not hold exactly `layout.pixels()` values.
+    pub fn new(layout: Layout, pixels: &[f32]) -> Self {
+        assert_eq!(pixels.len(), layout.pixels(), "one value per pixel of the layout");
+        match pixels.split_first() {
+            None => Self::Constant(0.0),
+            // Adding zero turns -0 into +0.
+            Some((&first, rest)) if rest.iter().all(|&x| x == first) => Self::Constant(first + 0.0),
+            Some(_) => Self::Samples(Samples::new(layout, pixels, Edge::Replicate)),
+        }
+    }
+
+    /// The value at pixel (x, y).
+    pub fn at(&self, x: usize, y: usize) -> f32 {
+        match self {
+            Self::Constant(value) => *value,
+            Self::Samples(samples) => samples.at(x, y),
+        }
+    }
+
+    /// The padded row `y`; `None` for a constant, which has no rows.
+    pub fn row(&self, y: usize) -> Option<&[f32]> {
+        match self {
+            Self::Constant(_) => None,
+            Self::Samples(samples) => Some(samples.row(y)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_leave_room_for_the_window_and_for_a_lane_group_beyond_it() {
+        for (width, pad) in [(1, 0), (1, 10), (15, 1), (336, 10), (1920, 32)] {
+            let layout = Layout::new(width, 2, pad);
+            assert_eq!(layout.stride() % 16, 0);
+            assert!(layout.stride() >= width + 2 * pad + 64);
+        }
+    }
+
+    #[test]
+    fn edges_are_repeated_or_zero_all_the_way_to_the_end_of_the_row() {
+        let layout = Layout::new(2, 2, 3);
+        let pixels = [1.0, 2.0, 3.0, 4.0];
+        let replicated = Samples::new(layout, &pixels, Edge::Replicate);
+        assert_eq!(&replicated.row(1)[..6], &[3.0, 3.0, 3.0, 3.0, 4.0, 4.0]);
+        assert_eq!(replicated.row(1)[layout.stride() - 1], 4.0);
+        let zero = Samples::new(layout, &pixels, Edge::Zero);
+        assert_eq!(&zero.row(0)[..6], &[0.0, 0.0, 0.0, 1.0, 2.0, 0.0]);
+        assert_eq!(zero.row(0)[layout.stride() - 1], 0.0);
+        assert_eq!(zero.pixels(1), &[3.0, 4.0]);
+        assert_eq!(replicated.at(1, 0), 2.0);
+    }
+
+    #[test]
+    fn an_image_of_one_value_is_a_constant_whatever_its_zeros_signs() {
+        let layout = Layout::new(2, 1, 1);
+        assert_eq!(Plane::new(layout, &[0.5, 0.5]), Plane::Constant(0.5));
+        let Plane::Constant(zero) = Plane::new(layout, &[-0.0, 0.0]) else { panic!("constant") };
+        assert!(zero == 0.0 && zero.is_sign_positive());
+        assert!(Plane::new(layout, &[0.5, 0.25]).row(0).is_some());
+        // A NaN equals nothing, itself included: never a constant.
+        assert!(matches!(Plane::new(layout, &[f32::NAN; 2]), Plane::Samples(_)));
+    }
+}
