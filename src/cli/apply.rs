@@ -42,11 +42,8 @@ pub(super) fn apply(
     };
     scene.require(&needs(filter))?;
     let (scene_name, filter_name) = (scene.name(), &filter.name);
-    let failed = |source| Error::Run {
-        scene: scene_name.to_owned(),
-        filter: filter_name.clone(),
-        source,
-    };
+    let failed =
+        |source| Error::Run { scene: scene_name.to_owned(), filter: filter_name.clone(), source };
 
     let start = Instant::now();
     let weights = std::slice::from_ref(weight);

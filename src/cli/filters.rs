@@ -66,8 +66,11 @@ impl Filters {
             let Entry { name, description, .. } = entry;
             let _ = writeln!(text, "{gap}{name}{default}: {description}");
             for StageEntry { weight, radius, dilation } in &entry.stages {
-                let apart =
-                    if *dilation > 1 { format!(", {dilation} pixels apart") } else { String::new() };
+                let apart = if *dilation > 1 {
+                    format!(", {dilation} pixels apart")
+                } else {
+                    String::new()
+                };
                 let _ = writeln!(text, "  radius {radius}{apart}\n  {weight}");
             }
         }

@@ -278,7 +278,13 @@ fn feature_entry(
     let Some(source) = mapping.value(feature) else {
         let channels = row.channels.iter().map(|&name| name.to_owned()).collect();
         let status = Status::Absent;
-        return FeatureEntry { feature: row.name, status, channels, convention: None, variance: None };
+        return FeatureEntry {
+            feature: row.name,
+            status,
+            channels,
+            convention: None,
+            variance: None,
+        };
     };
     let constant = |name: &String| scans.get(name).is_some_and(|scan| scan.constant().is_some());
     let status =
@@ -286,10 +292,9 @@ fn feature_entry(
     let unusable = mapping.unusable().iter().find(|unusable| unusable.feature == feature);
     let variance = match (mapping.variance(feature), unusable) {
         (Some(source), _) => VarianceEntry::Present { channels: source.channels.clone() },
-        (None, Some(unusable)) => VarianceEntry::Unusable {
-            channels: unusable.channels.clone(),
-            reason: unusable.reason,
-        },
+        (None, Some(unusable)) => {
+            VarianceEntry::Unusable { channels: unusable.channels.clone(), reason: unusable.reason }
+        }
         (None, None) => VarianceEntry::Estimated,
     };
     let variance = feature.spelling(Quantity::Variance).map(|_| variance);

@@ -36,9 +36,9 @@ impl Language {
         Ok([
             intro.to_owned(),
             heading("Operators"),
-            operators().render(format),
+            operators(format).render(format),
             heading("Features"),
-            features().render(format),
+            features(format).render(format),
             heading("Numbers"),
             "Decimals (`0.05`, `1e-3`) and `pi`. `#` starts a comment.\n".to_owned(),
             heading("Passes (denoise --without PASS)"),
@@ -48,7 +48,15 @@ impl Language {
     }
 }
 
-fn operators() -> Table {
+/// Adds a row, in cells that a terminal has room for.
+fn add<const N: usize>(table: &mut Table, cells: [String; N], format: Format) {
+    match format {
+        Format::Plain => table.wrapped_row(cells, 44),
+        Format::Markdown => table.row(cells),
+    }
+}
+
+fn operators(format: Format) -> Table {
     let columns = ["written", "meaning", "outside of the textbook domain", "error at most"];
     let mut table = Table::new(columns.map(|name| (name, Align::Left)));
     for &op in Op::ALL {
@@ -66,15 +74,15 @@ fn operators() -> Table {
         let budget = op.budget();
         let error = match (budget.ulp, budget.absolute) {
             (ulp, 0.0) => format!("{ulp} ulp"),
-            (0.0, absolute) => format!("{absolute:e}"),
-            (ulp, absolute) => format!("{ulp} ulp or {absolute:e}"),
+            (0.0, absolute) => format!("{absolute:.1e}"),
+            (ulp, absolute) => format!("{ulp} ulp or {absolute:.1e}"),
         };
-        table.row([written, row.doc.to_owned(), row.edges.to_owned(), error]);
+        add(&mut table, [written, row.doc.to_owned(), row.edges.to_owned(), error], format);
     }
     table
 }
 
-fn features() -> Table {
+fn features(format: Format) -> Table {
     let columns = ["feature", "gradient", "variance", "width", "channels", "meaning"];
     let mut table = Table::new(columns.map(|name| (name, Align::Left)));
     for feature in Feature::ALL {
@@ -85,7 +93,8 @@ fn features() -> Table {
             [] => "-".to_owned(),
             channels => channels.join(" "),
         };
-        table.row([value, gradient, variance, row.width.to_string(), channels, row.doc.to_owned()]);
+        let width = row.width.to_string();
+        add(&mut table, [value, gradient, variance, width, channels, row.doc.to_owned()], format);
     }
     table
 }

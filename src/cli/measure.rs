@@ -54,8 +54,7 @@ impl<'a> Measuring<'a> {
             let measured = filters.iter().map(|filter| {
                 let Applied { image, kept, filtering, .. } =
                     self.apply(filter, &scene).map_err(|error| error.to_string())?;
-                let metrics =
-                    Metrics::of(&image, &reference).map_err(|error| error.to_string())?;
+                let metrics = Metrics::of(&image, &reference).map_err(|error| error.to_string())?;
                 Ok(Measured { metrics, kept, time: filtering })
             });
             scores.push(Score {

@@ -52,15 +52,22 @@ fn find(text: &str) -> Result<Filter, Error> {
     if called_a_file || path.is_file() {
         return Ok(Filter::read(path)?);
     }
-    match parse_scalar(text) {
-        Ok(weight) => Ok(Filter::single("expression", weight, Window::DEFAULT_RADIUS)),
-        Err(error) => Err(Error::Usage(format!(
-            "--filter: {} is not a filter's name ({}) nor a file, and it is no expression either:\n\
-             {error}",
+    let error = match parse_scalar(text) {
+        Ok(weight) => return Ok(Filter::single("expression", weight, Window::DEFAULT_RADIUS)),
+        Err(error) => error,
+    };
+    let names = names().join(", ");
+    // One word is hardly an expression: where it goes wrong as one tells nothing.
+    let word = text.chars().all(|c| c.is_alphanumeric() || "-_./\\".contains(c));
+    Err(Error::Usage(if word {
+        format!("--filter: there is no filter or file `{text}`; filters: {names}")
+    } else {
+        format!(
+            "--filter: {} is neither a filter's name ({names}) nor a file, and as an expression \
+             it cannot be read:\n{error}",
             shortened(text),
-            names().join(", "),
-        ))),
-    }
+        )
+    }))
 }
 
 fn shortened(text: &str) -> String {

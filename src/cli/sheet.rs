@@ -62,7 +62,8 @@ struct Crop {
 }
 
 fn crop(text: &str) -> Result<Crop, String> {
-    let numbers: Option<Vec<usize>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let numbers: Option<Vec<usize>> =
+        text.split(',').map(|part| part.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[x, y, width, height]) if width > 0 && height > 0 => {
             Ok(Crop { corner: (x, y), size: (width, height) })
@@ -127,11 +128,9 @@ impl Sheet {
 
     fn check_crop(&self, (width, height): (usize, usize)) -> Result<(), Error> {
         match self.crop {
-            Some(Crop { corner: (x, y), .. }) if x >= width || y >= height => {
-                Err(Error::Usage(format!(
-                    "--crop: ({x}, {y}) lies outside of an image of {width}x{height} pixels"
-                )))
-            }
+            Some(Crop { corner: (x, y), .. }) if x >= width || y >= height => Err(Error::Usage(
+                format!("--crop: ({x}, {y}) lies outside of an image of {width}x{height} pixels"),
+            )),
             Some(_) | None => Ok(()),
         }
     }

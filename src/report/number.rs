@@ -93,7 +93,10 @@ mod tests {
 
     #[test]
     fn samples_times_and_counts_are_short() {
-        assert_eq!([0.0, 1.0, -0.25, 1e9, 1e-7].map(sample), ["0", "1", "-0.25", "1.000e9", "1.000e-7"]);
+        assert_eq!(
+            [0.0, 1.0, -0.25, 1e9, 1e-7].map(sample),
+            ["0", "1", "-0.25", "1.000e9", "1.000e-7"]
+        );
         assert_eq!(duration(Duration::from_millis(1500)), "1.50 s");
         assert_eq!(duration(Duration::from_micros(90)), "90 µs");
         assert_eq!(clock(Duration::from_secs(3723)), "1:02:03");

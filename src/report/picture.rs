@@ -106,7 +106,8 @@ mod tests {
         let channel = vec![0.0, 0.5, 7.0, f32::NAN];
         let image = Image::new("test", 2, 2, [channel.clone(), channel.clone(), channel])
             .expect("four samples of four pixels");
-        let levels = |stops| Picture::of(&image, stops).pixels.iter().map(|p| p[0]).collect::<Vec<_>>();
+        let levels =
+            |stops| Picture::of(&image, stops).pixels.iter().map(|p| p[0]).collect::<Vec<_>>();
         assert_eq!(levels(0.0), [0, 188, 255, 0]);
         assert_eq!(levels(1.0)[1], 255);
     }

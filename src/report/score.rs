@@ -75,7 +75,8 @@ impl ScoreTable {
     /// The table: `RelMSE (trimmed RelMSE)` per scene and filter, then a line
     /// that sums the scenes up, and the time that each filter took per scene.
     pub fn render(&self, format: Format) -> String {
-        let left = [("RelMSE (trimmed)".to_owned(), Align::Left), ("noisy".to_owned(), Align::Right)];
+        let left =
+            [("RelMSE (trimmed)".to_owned(), Align::Left), ("noisy".to_owned(), Align::Right)];
         let names = self.filters.iter().map(|name| (name.clone(), Align::Right));
         let mut table = Table::new(left.into_iter().chain(names));
         for score in &self.scenes {

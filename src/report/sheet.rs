@@ -27,9 +27,8 @@ pub fn sheet(panels: &[Panel], columns: usize) -> Picture {
     };
     let (width, height) = (size(|p| p.size().0), size(|p| p.size().1));
     let subtitles = panels.iter().any(|panel| !panel.subtitle.is_empty());
-    let head = caption::height(2)
-        + MARGIN
-        + if subtitles { caption::height(1) + MARGIN } else { 0 };
+    let head =
+        caption::height(2) + MARGIN + if subtitles { caption::height(1) + MARGIN } else { 0 };
     let (cell_width, cell_height) = (width + MARGIN, head + height + MARGIN);
     let rows = panels.len().div_ceil(columns);
     let mut sheet =

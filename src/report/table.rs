@@ -42,6 +42,16 @@ impl Table {
         self.rows.push(cells);
     }
 
+    /// Adds a row whose cells are broken between words so that none is wider
+    /// than `width`: for terminals, where wide tables cannot be read.
+    pub fn wrapped_row<S: AsRef<str>>(&mut self, cells: impl IntoIterator<Item = S>, width: usize) {
+        let columns: Vec<Vec<String>> =
+            cells.into_iter().map(|cell| wrapped(cell.as_ref(), width)).collect();
+        for line in 0..columns.iter().map(Vec::len).max().unwrap_or(0) {
+            self.row(columns.iter().map(|lines| lines.get(line).cloned().unwrap_or_default()));
+        }
+    }
+
     /// The table as text, every line ended.
     pub fn render(&self, format: Format) -> String {
         let escaped = |cell: &str| match format {
@@ -74,11 +84,29 @@ impl Table {
             (Format::Markdown, Align::Left) => "-".repeat(width),
             (Format::Markdown, Align::Right) => "-".repeat(width - 1) + ":",
         };
-        let rules: Vec<String> = self.columns.iter().zip(&widths).map(|(c, w)| rule(c, w)).collect();
+        let rules: Vec<String> =
+            self.columns.iter().zip(&widths).map(|(c, w)| rule(c, w)).collect();
         let mut text = line(&heads) + &line(&rules);
         rows.iter().for_each(|row| text.push_str(&line(row)));
         text
     }
+}
+
+/// A text in lines of at most `width` characters, if its words allow it.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let line = lines.last_mut().expect("never empty");
+        if line.is_empty() {
+            line.push_str(word);
+        } else if line.chars().count() + 1 + word.chars().count() <= width {
+            line.push(' ');
+            line.push_str(word);
+        } else {
+            lines.push(word.to_owned());
+        }
+    }
+    lines
 }
 
 #[cfg(test)]
@@ -98,5 +126,12 @@ mod tests {
             table.render(Format::Markdown),
             "| scene | noisy |\n| ----- | ----: |\n| größe |   0.5 |\n| a\\|b  | 0.123 |\n"
         );
+    }
+
+    #[test]
+    fn wrapped_rows_go_on_below() {
+        let mut table = Table::new([("a", Align::Left), ("b", Align::Left)]);
+        table.wrapped_row(["x", "one two three"], 7);
+        assert_eq!(table.render(Format::Plain), "a    b\n---  -------\nx    one two\n     three\n");
     }
 }

@@ -120,9 +120,7 @@ impl Evolve {
         }
         let fitness = SceneFitness::new(training, &*backend, &settings);
         let mut search = match checkpoint {
-            Some(checkpoint) => {
-                Search::resume(checkpoint.until(settings.generations), &fitness)?
-            }
+            Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), &fitness)?,
             None => Search::new(settings.clone(), &fitness)?,
         };
         let outcome = self.search(&mut search, &settings, log)?;
@@ -146,10 +144,8 @@ impl Evolve {
     }
 
     fn make_folder(&self) -> Result<(), Error> {
-        std::fs::create_dir_all(&self.out).map_err(|source| Error::Folder {
-            path: self.out.display().to_string(),
-            source,
-        })
+        std::fs::create_dir_all(&self.out)
+            .map_err(|source| Error::Folder { path: self.out.display().to_string(), source })
     }
 
     /// Runs the search to its end, however that comes.
@@ -199,9 +195,13 @@ impl Evolve {
         }
         let origin = Origin { settings, backend: backend.name(), scores: &scores };
         let path = |name: &str| self.out.join(name);
-        best.write(&path(BEST), record::training(&origin, outcome))?;
-        history::write_csv(&outcome.history, &path(HISTORY))?;
-        write_atomically(&path(SUMMARY), page::summary(&origin, outcome).as_bytes())?;
+        for (name, text) in [
+            (BEST, best.to_toml(record::training(&origin, outcome))),
+            (HISTORY, history::csv(&outcome.history)),
+            (SUMMARY, page::summary(&origin, outcome)),
+        ] {
+            write_atomically(&path(name), text.as_bytes())?;
+        }
         log.say(format_args!(
             "wrote {}",
             [BEST, SUMMARY, HISTORY, CHECKPOINT]
@@ -220,11 +220,7 @@ impl Evolve {
 }
 
 /// The training scenes with all that they have, and their references.
-fn load(
-    files: &[SceneFiles],
-    settings: &Settings,
-    log: Log,
-) -> Result<Vec<(Scene, Image)>, Error> {
+fn load(files: &[SceneFiles], settings: &Settings, log: Log) -> Result<Vec<(Scene, Image)>, Error> {
     let mut training = Vec::with_capacity(files.len());
     for scene in files {
         let pad = settings.radius as usize;
@@ -269,8 +265,7 @@ fn scores(
     for name in RIVALS {
         filters.push(resolve::resolve(name, Some(settings.radius))?);
     }
-    let measuring =
-        Measuring { backend, passes: Passes::ALL, options: LoadOptions::default() };
+    let measuring = Measuring { backend, passes: Passes::ALL, options: LoadOptions::default() };
     // What there is to say of the scenes was said when the search loaded them.
     measuring.table(files, &filters, Total::Sum, Log::new(true))
 }

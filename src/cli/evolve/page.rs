@@ -6,8 +6,8 @@ use super::parameters;
 use super::record::{Origin, ending, generations};
 use crate::evolve::summary::Frequency;
 use crate::evolve::{Outcome, Summary};
-use crate::expr::Tree;
 use crate::expr::text::latex;
+use crate::expr::{Feature, Quantity, Tree};
 use crate::report::{Align, Format, Table, number};
 
 /// Rows of the table that shows the run's course.
@@ -89,20 +89,37 @@ fn frequencies(outcome: &Outcome) -> String {
             ("finalists", Align::Right),
             ("meaning", Align::Left),
         ]);
+        let mut unused = Vec::new();
         for row in of(&islands) {
-            let twin = of(&finalists).iter().find(|other| (other.name, other.doc) == (row.name, row.doc));
-            let twin = twin.map_or(0, |twin| twin.expressions);
+            let same = |other: &&Frequency| (other.name, other.doc) == (row.name, row.doc);
+            let twin = of(&finalists).iter().find(same).map_or(0, |twin| twin.expressions);
+            if row.expressions + twin == 0 {
+                unused.push(format!("`{}` ({})", row.name, meaning(row)));
+                continue;
+            }
             table.row([
                 format!("`{}`", row.name),
                 number::percent(row.expressions, islands.expressions),
                 number::percent(twin, finalists.expressions),
-                row.doc.to_owned(),
+                meaning(row),
             ]);
         }
         page.push_str(&table.render(Format::Markdown));
+        if !unused.is_empty() {
+            let _ = writeln!(page, "\nIn none: {}.", unused.join(", "));
+        }
         page.push('\n');
     }
     page
+}
+
+/// What a term or an operator is; terms that are made of a feature by its name.
+fn meaning(row: &Frequency) -> String {
+    match Feature::parse(row.name) {
+        Some((feature, Quantity::Gradient)) => format!("gradient of {}", feature.row().name),
+        Some((feature, Quantity::Variance)) => format!("variance of {}", feature.row().name),
+        Some((_, Quantity::Value)) | None => row.doc.to_owned(),
+    }
 }
 
 fn course(outcome: &Outcome, islands: usize) -> String {

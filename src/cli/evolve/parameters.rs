@@ -110,7 +110,11 @@ impl Text for Vec<String> {
         self.join(",")
     }
     fn parsed(text: &str) -> Result<Self, String> {
-        Ok(text.split(',').map(|name| name.trim().to_owned()).filter(|name| !name.is_empty()).collect())
+        Ok(text
+            .split(',')
+            .map(|name| name.trim().to_owned())
+            .filter(|name| !name.is_empty())
+            .collect())
     }
 }
 
@@ -150,7 +154,9 @@ impl Args for Parameters {
             });
             let values = match &values {
                 [(_, a), (_, b)] if a == b => a.clone(),
-                different => different.each_ref().map(|(name, v)| format!("{name}: {v}")).join(", "),
+                different => {
+                    different.each_ref().map(|(name, v)| format!("{name}: {v}")).join(", ")
+                }
             };
             let set = parameter.set;
             Arg::new(parameter.flag)
