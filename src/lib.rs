@@ -53,7 +53,9 @@
 //! Floors and reasons are in `ARCHITECTURE.md`.
 
 pub mod backend;
+pub mod cli;
 pub mod evolve;
 pub mod expr;
 pub mod plan;
+pub mod report;
 pub mod scene;

@@ -1,2 +1,7 @@
-//! The command line.
-fn main() {}
+//! The command line; everything is in [`tamis::cli`].
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    tamis::cli::main()
+}

@@ -61,16 +61,8 @@ impl<F: Copy> Exp<F> {
             log2e: lanes.constant(std::f32::consts::LOG2_E),
             high: lanes.constant(-0.693_145_75),
             low: lanes.constant(-1.428_606_8e-6),
-            polynomial: [
-                1.0 / 720.0,
-                1.0 / 120.0,
-                1.0 / 24.0,
-                1.0 / 6.0,
-                0.5,
-                1.0,
-                1.0,
-            ]
-            .map(|coefficient| lanes.constant(coefficient)),
+            polynomial: [1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0]
+                .map(|coefficient| lanes.constant(coefficient)),
         }
     }
 

@@ -1,0 +1,106 @@
+//! What can go wrong on the command line.
+
+use std::io;
+use std::num::NonZeroUsize;
+
+use crate::backend::BackendError;
+use crate::evolve;
+use crate::plan::PlanError;
+use crate::plan::file::FilterFileError;
+use crate::scene::SceneError;
+
+/// Why a command could not do its work.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Error {
+    /// The command line asks for what makes no sense.
+    #[error("{0}\nFor more information, try '--help'.")]
+    Usage(String),
+    /// A scene or an image.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A filter file.
+    #[error(transparent)]
+    FilterFile(#[from] FilterFileError),
+    /// The search.
+    #[error(transparent)]
+    Search(#[from] evolve::Error),
+    /// A filter and a scene do not go together.
+    #[error("{scene}: filter `{filter}` cannot be applied: {source}")]
+    Plan {
+        /// The scene's name.
+        scene: String,
+        /// The filter's name.
+        filter: String,
+        /// Why.
+        source: PlanError,
+    },
+    /// A filter could not be run.
+    #[error("{scene}: filter `{filter}` could not be run: {source}")]
+    Run {
+        /// The scene's name.
+        scene: String,
+        /// The filter's name.
+        filter: String,
+        /// Why.
+        source: BackendError,
+    },
+    /// There is no machine code on this computer.
+    #[error("no machine code can be made on this computer ({reason}); use `--backend interp`")]
+    NoMachineCode {
+        /// What is missing.
+        reason: String,
+    },
+    /// A filter of a later version's kind.
+    #[error(
+        "filter `{filter}` has {stages} stages; this version applies filters of one stage: \
+         split it up, or update the program"
+    )]
+    Stages {
+        /// The filter's name.
+        filter: String,
+        /// How many it has.
+        stages: usize,
+    },
+    /// The folder for results cannot be made.
+    #[error("{path}: cannot make the folder: {source}; choose another with --out")]
+    Folder {
+        /// The folder.
+        path: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// Ctrl-C cannot be caught.
+    #[error("cannot listen for Ctrl-C: {0}")]
+    Signal(#[from] ctrlc::Error),
+    /// The threads could not be started.
+    #[error("cannot start {threads} threads: {source}; ask for fewer with --threads")]
+    Threads {
+        /// How many were asked for.
+        threads: NonZeroUsize,
+        /// Why not.
+        source: rayon::ThreadPoolBuildError,
+    },
+    /// The results could not be printed.
+    #[error("cannot write to stdout: {0}")]
+    Stdout(io::Error),
+}
+
+impl Error {
+    /// The exit status that says so.
+    pub(super) fn status(&self) -> u8 {
+        match self {
+            Self::Usage(_) | Self::Search(evolve::Error::Setting { .. }) => 2,
+            Self::Scene(_)
+            | Self::FilterFile(_)
+            | Self::Search(_)
+            | Self::Plan { .. }
+            | Self::Run { .. }
+            | Self::NoMachineCode { .. }
+            | Self::Stages { .. }
+            | Self::Folder { .. }
+            | Self::Signal(_)
+            | Self::Threads { .. }
+            | Self::Stdout(_) => 1,
+        }
+    }
+}

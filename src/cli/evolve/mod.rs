@@ -1,0 +1,271 @@
+//! `tamis evolve`: the search, from scenes to a filter file.
+
+mod page;
+mod parameters;
+mod progress;
+mod record;
+mod stand_in;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use clap::builder::PossibleValue;
+use clap::{Args, ValueEnum};
+
+use super::error::Error;
+use super::log::Log;
+use super::measure::Measuring;
+use super::options::BackendChoice;
+use super::{resolve, scenes};
+use crate::backend::Backend;
+use crate::evolve::{
+    Checkpoint, Checkpoints, Control, Fitness, Outcome, Preset, Search, Settings, history,
+};
+use crate::expr::{Feature, PlaneId};
+use crate::plan::{Filter, Passes};
+use crate::report::{Format, ScoreTable, Total, number};
+use crate::scene::{Fact, Facts, Image, LoadOptions, Needs, Scene, SceneFiles, write_atomically};
+use parameters::Parameters;
+use progress::Progress;
+use record::Origin;
+use stand_in::SceneFitness;
+
+/// What a bred filter is compared with at the end.
+const RIVALS: [&str; 3] = ["bilateral", "cross-bilateral", "kan2017"];
+
+const BEST: &str = "best.toml";
+const HISTORY: &str = "history.csv";
+const SUMMARY: &str = "summary.md";
+const CHECKPOINT: &str = "checkpoint.json";
+
+const EXAMPLES: &str = "\
+Examples:
+  tamis evolve --preset quick
+  tamis evolve --preset paper --seed 7 --out runs/7
+  tamis evolve --out runs/7 --resume --generations 400
+  tamis evolve --scenes renders/a renders/b --max-time 600 --radius 8
+
+Writes best.toml (the filter and where it comes from), summary.md, history.csv
+and checkpoint.json into the output folder, replacing what an earlier run left.
+Ctrl-C ends the search with the best so far written; --resume goes on from
+there. The same seed finds the same filter with any number of threads.
+
+Values in brackets are the presets' own.";
+
+/// Search for a filter on training scenes.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Evolve {
+    /// Folders with 4spp.exr and reference.exr in or below them, or pairs of files
+    #[arg(long, num_args = 1.., value_name = scenes::VALUE, default_value = "data/train")]
+    scenes: Vec<PathBuf>,
+
+    /// Parameters to start from: those of the paper (hours), or a small search
+    /// (minutes) [default: quick]
+    #[arg(long, value_enum, value_name = "PRESET", hide_default_value = true)]
+    preset: Option<Preset>,
+
+    /// Folder for the results
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+
+    /// What runs the filters
+    #[arg(long, value_enum, value_name = "BACKEND", default_value_t = BackendChoice::DEFAULT)]
+    backend: BackendChoice,
+
+    /// Go on from the checkpoint in the output folder
+    #[arg(long, conflicts_with = "preset")]
+    resume: bool,
+
+    /// End the search after so many seconds
+    #[arg(long, value_name = "SECONDS")]
+    max_time: Option<u32>,
+
+    /// Generations between checkpoints; 0 for one at the end only
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    checkpoint_every: u32,
+
+    #[command(flatten)]
+    parameters: Parameters,
+}
+
+impl ValueEnum for Preset {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.name()))
+    }
+}
+
+impl Evolve {
+    pub(super) fn run(&self, log: Log) -> Result<String, Error> {
+        let checkpoint = self.checkpoint()?;
+        let mut settings = match &checkpoint {
+            Some(checkpoint) => checkpoint.settings().clone(),
+            None => self.preset.unwrap_or(Preset::Quick).settings(),
+        };
+        self.parameters.apply(&mut settings);
+        settings.validate()?;
+        let backend = self.backend.open()?;
+        let files = scenes::find(&self.scenes)?;
+        self.make_folder()?;
+
+        let training = load(&files, &settings, log)?;
+        if checkpoint.is_none() {
+            forbid_absent(&mut settings, &training, log);
+        }
+        let fitness = SceneFitness::new(training, &*backend, &settings);
+        let mut search = match checkpoint {
+            Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), &fitness)?,
+            None => Search::new(settings.clone(), &fitness)?,
+        };
+        let outcome = self.search(&mut search, &settings, log)?;
+        self.report(&settings, &outcome, &*backend, &files, log)
+    }
+
+    /// The checkpoint to go on from, if that is what is asked for.
+    fn checkpoint(&self) -> Result<Option<Checkpoint>, Error> {
+        if !self.resume {
+            return Ok(None);
+        }
+        let fixed = self.parameters.fixed();
+        if !fixed.is_empty() {
+            return Err(Error::Usage(format!(
+                "--resume goes on with the parameters that the search was started with; leave \
+                 {} out, or start a new search without --resume",
+                fixed.join(", ")
+            )));
+        }
+        Ok(Some(Checkpoint::read(&self.out.join(CHECKPOINT))?))
+    }
+
+    fn make_folder(&self) -> Result<(), Error> {
+        std::fs::create_dir_all(&self.out)
+            .map_err(|source| Error::Folder { path: self.out.display().to_string(), source })
+    }
+
+    /// Runs the search to its end, however that comes.
+    fn search<F: Fitness>(
+        &self,
+        search: &mut Search<'_, F>,
+        settings: &Settings,
+        log: Log,
+    ) -> Result<Outcome, Error> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let raised = Arc::clone(&stop);
+        ctrlc::set_handler(move || {
+            // Whoever asks twice does not want to wait for the finalists.
+            if raised.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+            log.say("\nstopping: judging the best so far (Ctrl-C again to quit at once)");
+        })?;
+        let time_limit = self.max_time.map(|seconds| Duration::from_secs(seconds.into()));
+        let control = Control {
+            stop,
+            time_limit,
+            checkpoints: Some(Checkpoints {
+                path: self.out.join(CHECKPOINT),
+                interval: self.checkpoint_every,
+            }),
+        };
+        let mut progress = Progress::new(log, settings.generations, time_limit);
+        let outcome = search.run(&control, &mut |event| progress.hear(event));
+        progress.finish();
+        Ok(outcome?)
+    }
+
+    /// Measures and writes what was found.
+    fn report(
+        &self,
+        settings: &Settings,
+        outcome: &Outcome,
+        backend: &dyn Backend,
+        files: &[SceneFiles],
+        log: Log,
+    ) -> Result<String, Error> {
+        let best = Filter::single("best", outcome.best().tree.clone(), settings.radius);
+        let scores = scores(&best, settings, backend, files)?;
+        for failure in scores.failures() {
+            log.say(failure);
+        }
+        let origin = Origin { settings, backend: backend.name(), scores: &scores };
+        let path = |name: &str| self.out.join(name);
+        for (name, text) in [
+            (BEST, best.to_toml(record::training(&origin, outcome))),
+            (HISTORY, history::csv(&outcome.history)),
+            (SUMMARY, page::summary(&origin, outcome)),
+        ] {
+            write_atomically(&path(name), text.as_bytes())?;
+        }
+        log.say(format_args!(
+            "wrote {}",
+            [BEST, SUMMARY, HISTORY, CHECKPOINT]
+                .map(|name| path(name).display().to_string())
+                .join(", ")
+        ));
+        Ok(format!(
+            "{}\n\ntraining error {} (sum of RelMSE over {}), search {}\n\n{}",
+            outcome.best().tree,
+            number::error(outcome.best().full),
+            number::plural(files.len(), "scene"),
+            record::ending(outcome.ending),
+            scores.render(Format::Plain),
+        ))
+    }
+}
+
+/// The training scenes with all that they have, and their references.
+fn load(files: &[SceneFiles], settings: &Settings, log: Log) -> Result<Vec<(Scene, Image)>, Error> {
+    let mut training = Vec::with_capacity(files.len());
+    for scene in files {
+        let pad = settings.radius as usize;
+        let noisy = Scene::load(&scene.noisy, &Needs::everything(), pad, &LoadOptions::default())?;
+        for note in noisy.notes() {
+            log.say(format_args!("{}: {note}", scene.noisy.display()));
+        }
+        training.push((noisy, Image::load(&scene.reference)?));
+    }
+    Ok(training)
+}
+
+/// Takes what some scene lacks out of the search's vocabulary: a filter that
+/// reads it could not be judged.
+fn forbid_absent(settings: &mut Settings, training: &[(Scene, Image)], log: Log) {
+    let facts = Facts::of_all(training.iter().map(|(scene, _)| scene));
+    let terms = Feature::terms().filter(|&(feature, _)| feature != Feature::Pixel);
+    let absent = terms.filter(|&(feature, quantity)| {
+        PlaneId::of(feature, quantity).any(|plane| facts.get(plane) == Fact::Absent)
+    });
+    let names = absent.filter_map(|(feature, quantity)| feature.spelling(quantity));
+    let names: Vec<String> = names.map(str::to_owned).collect();
+    if !names.is_empty() {
+        log.say(format_args!(
+            "not used, as not every training scene has them: {}",
+            names.join(", ")
+        ));
+        settings.forbidden.extend(names);
+        settings.forbidden.sort();
+        settings.forbidden.dedup();
+    }
+}
+
+/// The bred filter and its rivals on the training scenes, all at one radius.
+fn scores(
+    best: &Filter,
+    settings: &Settings,
+    backend: &dyn Backend,
+    files: &[SceneFiles],
+) -> Result<ScoreTable, Error> {
+    let mut filters = vec![best.clone()];
+    for name in RIVALS {
+        filters.push(resolve::resolve(name, Some(settings.radius))?);
+    }
+    let measuring = Measuring { backend, passes: Passes::ALL, options: LoadOptions::default() };
+    // What there is to say of the scenes was said when the search loaded them.
+    measuring.table(files, &filters, Total::Sum, Log::new(true))
+}

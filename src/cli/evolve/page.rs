@@ -1,0 +1,137 @@
+//! The summary of a run, for people: one Markdown page.
+
+use std::fmt::Write;
+
+use super::parameters;
+use super::record::{Origin, ending, generations};
+use crate::evolve::summary::Frequency;
+use crate::evolve::{Outcome, Summary};
+use crate::expr::text::latex;
+use crate::expr::{Feature, Quantity, Tree};
+use crate::report::{Align, Format, Table, number};
+
+/// Rows of the table that shows the run's course.
+const COURSE: usize = 12;
+
+/// Writes the page.
+pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
+    let best = outcome.best();
+    let mut page = String::from("# A bred filter\n\n");
+    let _ = writeln!(
+        page,
+        "Training error {} (sum of RelMSE over {}), {} nodes, radius {}, seed {}. The search {} \
+         after generation {} of {}; it judged {} ({} more had been judged before).\n",
+        number::error(best.full),
+        number::plural(origin.scores.scenes.len(), "scene"),
+        best.tree.len(),
+        origin.settings.radius,
+        origin.settings.seed,
+        ending(outcome.ending),
+        generations(outcome).unwrap_or(0),
+        origin.settings.generations,
+        number::plural(outcome.evaluations, "expression"),
+        number::count(outcome.memo_hits),
+    );
+    let _ = writeln!(page, "```text\n{}\n```\n\n$${}$$\n", best.tree, latex(&best.tree));
+
+    page.push_str("## Training scenes\n\nRelMSE, and without the worst 0.1% of the pixels.\n\n");
+    page.push_str(&origin.scores.render(Format::Markdown));
+
+    page.push_str("\n## What the filters look at\n\n");
+    page.push_str(&frequencies(outcome));
+
+    page.push_str("\n## Finalists\n\nThe best of the whole run, judged on all pixels.\n\n");
+    let mut table = Table::new([
+        ("error", Align::Right),
+        ("while breeding", Align::Right),
+        ("nodes", Align::Right),
+        ("expression", Align::Left),
+    ]);
+    for finalist in &outcome.finalists {
+        table.row([
+            number::error(finalist.full),
+            number::error(finalist.bred),
+            finalist.tree.len().to_string(),
+            format!("`{}`", finalist.tree),
+        ]);
+    }
+    page.push_str(&table.render(Format::Markdown));
+
+    page.push_str("\n## Course\n\nBest error per island while breeding.\n\n");
+    page.push_str(&course(outcome, origin.settings.islands));
+
+    page.push_str("\n## Parameters\n\n");
+    let columns = ["flag", "value", "meaning"];
+    let mut table = Table::new(columns.map(|name| (name, Align::Left)));
+    for [flag, value, doc] in parameters::listing(origin.settings) {
+        table.row([format!("`{flag}`"), value, doc]);
+    }
+    page.push_str(&table.render(Format::Markdown));
+    page
+}
+
+/// The paper's last analysis: which features the search came to use.
+fn frequencies(outcome: &Outcome) -> String {
+    let finalists = Summary::new(outcome.finalists.iter().map(|finalist| &finalist.tree));
+    let islands: Vec<&Tree> = outcome.islands.iter().flatten().map(|i| &i.tree).collect();
+    let islands = Summary::new(islands);
+    let mut page = format!(
+        "Share of the expressions that use a term: of {} on the islands at the end, and of {}.\n\n",
+        number::plural(islands.expressions, "expression"),
+        number::plural(finalists.expressions, "finalist"),
+    );
+    let kinds: [(&str, fn(&Summary) -> &[Frequency]); 2] =
+        [("term", |s| &s.terms), ("operator", |s| &s.operators)];
+    for (kind, of) in kinds {
+        let mut table = Table::new([
+            (kind, Align::Left),
+            ("islands", Align::Right),
+            ("finalists", Align::Right),
+            ("meaning", Align::Left),
+        ]);
+        let mut unused = Vec::new();
+        for row in of(&islands) {
+            let same = |other: &&Frequency| (other.name, other.doc) == (row.name, row.doc);
+            let twin = of(&finalists).iter().find(same).map_or(0, |twin| twin.expressions);
+            if row.expressions + twin == 0 {
+                unused.push(format!("`{}` ({})", row.name, meaning(row)));
+                continue;
+            }
+            table.row([
+                format!("`{}`", row.name),
+                number::percent(row.expressions, islands.expressions),
+                number::percent(twin, finalists.expressions),
+                meaning(row),
+            ]);
+        }
+        page.push_str(&table.render(Format::Markdown));
+        if !unused.is_empty() {
+            let _ = writeln!(page, "\nIn none: {}.", unused.join(", "));
+        }
+        page.push('\n');
+    }
+    page
+}
+
+/// What a term or an operator is; terms that are made of a feature by its name.
+fn meaning(row: &Frequency) -> String {
+    match Feature::parse(row.name) {
+        Some((feature, Quantity::Gradient)) => format!("gradient of {}", feature.row().name),
+        Some((feature, Quantity::Variance)) => format!("variance of {}", feature.row().name),
+        Some((_, Quantity::Value)) | None => row.doc.to_owned(),
+    }
+}
+
+fn course(outcome: &Outcome, islands: usize) -> String {
+    let columns = (1..=islands).map(|island| (format!("island {island}"), Align::Right));
+    let mut table =
+        Table::new(std::iter::once(("generation".to_owned(), Align::Right)).chain(columns));
+    let rows: Vec<_> = outcome.history.chunks_exact(islands).collect();
+    let step = rows.len().div_ceil(COURSE).max(1);
+    let shown = rows.iter().enumerate().filter(|(k, _)| k % step == 0 || k + 1 == rows.len());
+    for (_, row) in shown {
+        let best = row.iter().map(|island| number::error(island.best));
+        table.row(std::iter::once(row[0].generation.to_string()).chain(best));
+    }
+    table.render(Format::Markdown)
+}

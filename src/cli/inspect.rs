@@ -1,0 +1,308 @@
+//! `tamis inspect`: what is in a file, and what becomes of it.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::error::Error;
+use crate::expr::{Feature, PlaneId, Quantity};
+use crate::report::score::json;
+use crate::report::{Align, Format, Table, number};
+use crate::scene::exr::{Channel, Part};
+use crate::scene::inspect::{Inspection, Scan};
+
+const EXAMPLES: &str = "\
+Examples:
+  tamis inspect render.exr
+  tamis inspect --json render.exr
+
+FEEDS names the term of expressions that reads a channel. A variance that the
+file lacks is estimated from the image where a filter reads it; gradients are
+always derived.";
+
+/// List a file's channels, what they feed, and what is wrong with them.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Inspect {
+    /// An OpenEXR file
+    #[arg(value_name = "IN.exr")]
+    input: PathBuf,
+
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// All that there is to say of a file.
+#[derive(Serialize)]
+struct Findings {
+    file: String,
+    convention: &'static str,
+    samples_per_pixel: Option<u32>,
+    layers: Vec<LayerEntry>,
+    features: Vec<FeatureEntry>,
+}
+
+#[derive(Serialize)]
+struct LayerEntry {
+    name: Option<String>,
+    width: usize,
+    height: usize,
+    origin: (i32, i32),
+    compression: String,
+    storage: &'static str,
+    channels: Vec<ChannelEntry>,
+}
+
+#[derive(Serialize)]
+struct ChannelEntry {
+    name: String,
+    #[serde(rename = "type")]
+    kind: String,
+    feeds: Option<String>,
+    /// `None` if it cannot be decoded.
+    samples: Option<SamplesEntry>,
+}
+
+#[derive(Serialize)]
+struct SamplesEntry {
+    min: Option<f32>,
+    max: Option<f32>,
+    constant: Option<f32>,
+    nan: usize,
+    infinite: usize,
+    /// Finite, but beyond ±1e18.
+    huge: usize,
+    negative: usize,
+}
+
+#[derive(Serialize)]
+struct FeatureEntry {
+    feature: &'static str,
+    status: Status,
+    channels: Vec<String>,
+    /// Whose names they are.
+    convention: Option<&'static str>,
+    variance: Option<VarianceEntry>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Status {
+    Present,
+    Constant,
+    Absent,
+}
+
+#[derive(Serialize)]
+#[serde(tag = "status", rename_all = "kebab-case")]
+enum VarianceEntry {
+    /// The file holds it.
+    Present { channels: Vec<String> },
+    /// It holds one that cannot be used.
+    Unusable { channels: Vec<String>, reason: &'static str },
+    /// It will be estimated where a filter reads it.
+    Estimated,
+}
+
+impl Inspect {
+    pub(super) fn run(&self) -> Result<String, Error> {
+        let inspection = Inspection::of(&self.input)?;
+        let findings = Findings::new(&inspection, &inspection.scan()?);
+        Ok(if self.json { json(&findings) } else { findings.text() })
+    }
+}
+
+impl Findings {
+    fn new(inspection: &Inspection, scans: &BTreeMap<String, Scan>) -> Self {
+        let header = inspection.header();
+        let roles: BTreeMap<&str, PlaneId> = inspection
+            .channels()
+            .filter_map(|(_, channel, role)| Some((channel.name.as_str(), role?)))
+            .collect();
+        let layer = |part: &Part| LayerEntry {
+            name: part.name.clone(),
+            width: part.size.0,
+            height: part.size.1,
+            origin: part.origin,
+            compression: part.compression.clone(),
+            storage: match (part.deep, part.tiled) {
+                (true, _) => "deep",
+                (false, true) => "tiles",
+                (false, false) => "scan lines",
+            },
+            channels: part.channels.iter().map(|channel| entry(channel, &roles, scans)).collect(),
+        };
+        let stored = Feature::ALL.into_iter().filter(|f| !f.row().channels.is_empty());
+        Self {
+            file: header.path().display().to_string(),
+            convention: inspection.mapping().convention(),
+            samples_per_pixel: header.samples_per_pixel(),
+            layers: header.parts().iter().map(layer).collect(),
+            features: stored.map(|feature| feature_entry(feature, inspection, scans)).collect(),
+        }
+    }
+
+    fn text(&self) -> String {
+        let mut text = format!("{}: channels named as {} does\n", self.file, self.convention);
+        if let Some(count) = self.samples_per_pixel {
+            let _ = writeln!(text, "{} per pixel", number::plural(count as usize, "sample"));
+        }
+        for layer in &self.layers {
+            text.push_str(&layer.text());
+        }
+        text.push_str("\nFeatures\n");
+        let columns = ["feature", "status", "from", "variance"];
+        let mut table = Table::new(columns.map(|name| (name, Align::Left)));
+        for entry in &self.features {
+            let status = match entry.status {
+                Status::Present => "present",
+                Status::Constant => "constant",
+                Status::Absent => "absent",
+            };
+            let from = match (&entry.channels[..], entry.convention) {
+                (channels, Some(convention)) if convention != self.convention => {
+                    format!("{} ({convention})", channels.join(" "))
+                }
+                (channels, _) if entry.status == Status::Absent => {
+                    format!("no {}", channels.join(" "))
+                }
+                (channels, _) => channels.join(" "),
+            };
+            let variance = match &entry.variance {
+                None => "-".to_owned(),
+                Some(VarianceEntry::Present { channels }) => channels.join(" "),
+                Some(VarianceEntry::Unusable { channels, reason }) => {
+                    format!("estimated: {} not used, {reason}", channels.join(" "))
+                }
+                Some(VarianceEntry::Estimated) => "estimated".to_owned(),
+            };
+            table.row([entry.feature.to_owned(), status.to_owned(), from, variance]);
+        }
+        text.push_str(&table.render(Format::Plain));
+        text
+    }
+}
+
+impl LayerEntry {
+    fn text(&self) -> String {
+        let name = self.name.as_ref().map_or(String::new(), |name| format!(" `{name}`"));
+        let place = match self.origin {
+            (0, 0) => String::new(),
+            (x, y) => format!(" at ({x}, {y})"),
+        };
+        let mut text = format!(
+            "\nLayer{name}: {}x{} pixels{place}, {}, {}, {}\n",
+            self.width,
+            self.height,
+            self.storage,
+            self.compression,
+            number::plural(self.channels.len(), "channel"),
+        );
+        let mut table = Table::new([
+            ("channel", Align::Left),
+            ("type", Align::Left),
+            ("feeds", Align::Left),
+            ("least", Align::Right),
+            ("greatest", Align::Right),
+            ("remarks", Align::Left),
+        ]);
+        for channel in &self.channels {
+            let bound = |pick: fn(&SamplesEntry) -> Option<f32>| {
+                channel.samples.as_ref().and_then(pick).map_or("-".to_owned(), number::sample)
+            };
+            table.row([
+                channel.name.clone(),
+                channel.kind.clone(),
+                channel.feeds.clone().unwrap_or_else(|| "-".to_owned()),
+                bound(|samples| samples.min),
+                bound(|samples| samples.max),
+                channel.samples.as_ref().map_or("not decoded".to_owned(), SamplesEntry::remarks),
+            ]);
+        }
+        text.push_str(&table.render(Format::Plain));
+        text
+    }
+}
+
+impl SamplesEntry {
+    fn new(scan: &Scan) -> Self {
+        Self {
+            min: scan.range.map(|(least, _)| least),
+            max: scan.range.map(|(_, greatest)| greatest),
+            constant: scan.constant(),
+            nan: scan.nan,
+            infinite: scan.infinite,
+            huge: scan.huge,
+            negative: scan.negative,
+        }
+    }
+
+    fn remarks(&self) -> String {
+        let constant = self.constant.map(|x| format!("constant {}", number::sample(x)));
+        let counts = [
+            (self.nan, "NaN"),
+            (self.infinite, "infinite"),
+            (self.huge, "beyond ±1e18"),
+            // Signed features are negative all over: that is no remark.
+        ];
+        let counts = counts.into_iter().filter(|(count, _)| *count > 0);
+        let counts = counts.map(|(count, what)| format!("{} {what}", number::count(count)));
+        constant.into_iter().chain(counts).collect::<Vec<_>>().join(", ")
+    }
+}
+
+fn entry(
+    channel: &Channel,
+    roles: &BTreeMap<&str, PlaneId>,
+    scans: &BTreeMap<String, Scan>,
+) -> ChannelEntry {
+    ChannelEntry {
+        name: channel.name.clone(),
+        kind: channel.kind.to_string(),
+        feeds: roles.get(channel.name.as_str()).map(PlaneId::to_string),
+        samples: scans.get(&channel.name).map(SamplesEntry::new),
+    }
+}
+
+fn feature_entry(
+    feature: Feature,
+    inspection: &Inspection,
+    scans: &BTreeMap<String, Scan>,
+) -> FeatureEntry {
+    let row = feature.row();
+    let mapping = inspection.mapping();
+    let Some(source) = mapping.value(feature) else {
+        let channels = row.channels.iter().map(|&name| name.to_owned()).collect();
+        let status = Status::Absent;
+        return FeatureEntry {
+            feature: row.name,
+            status,
+            channels,
+            convention: None,
+            variance: None,
+        };
+    };
+    let constant = |name: &String| scans.get(name).is_some_and(|scan| scan.constant().is_some());
+    let status =
+        if source.channels.iter().all(constant) { Status::Constant } else { Status::Present };
+    let unusable = mapping.unusable().iter().find(|unusable| unusable.feature == feature);
+    let variance = match (mapping.variance(feature), unusable) {
+        (Some(source), _) => VarianceEntry::Present { channels: source.channels.clone() },
+        (None, Some(unusable)) => {
+            VarianceEntry::Unusable { channels: unusable.channels.clone(), reason: unusable.reason }
+        }
+        (None, None) => VarianceEntry::Estimated,
+    };
+    let variance = feature.spelling(Quantity::Variance).map(|_| variance);
+    FeatureEntry {
+        feature: row.name,
+        status,
+        channels: source.channels.clone(),
+        convention: Some(source.convention),
+        variance,
+    }
+}

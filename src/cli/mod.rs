@@ -1,0 +1,141 @@
+//! Floor 5: the command line, one file per command.
+//!
+//! What holds of every command:
+//! - What it finds out goes to stdout, and nothing else does: a command
+//!   *returns* its text, and [`main`] prints it. Progress and remarks go to
+//!   stderr, through [`Log`].
+//! - The exit status is 0 if the work is done, 1 if it failed, 2 if the command
+//!   line is wrong.
+//! - Errors name the file or the option at fault and say what to do.
+//! - Files appear whole or not at all.
+//! - No result depends on the number of threads.
+
+mod apply;
+mod compare;
+mod denoise;
+mod error;
+mod evolve;
+mod filters;
+mod inspect;
+mod language;
+mod log;
+mod measure;
+mod options;
+mod resolve;
+mod scenes;
+mod score;
+mod sheet;
+mod shipped;
+
+use std::io::{self, Write};
+use std::num::NonZeroUsize;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use error::Error;
+use log::Log;
+
+/// Discovers analytic filters for Monte Carlo noise, and applies them.
+///
+/// A filter is an expression for the weight that pixel j has in the filtered
+/// colour of pixel i, over the features that a renderer writes beside the
+/// colour: `tamis language` lists what expressions are made of.
+#[derive(Debug, Parser)]
+#[command(name = "tamis", version, propagate_version = true, after_help = EXAMPLES)]
+struct CommandLine {
+    /// Threads to work with [default: one per core]; no result depends on it
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<NonZeroUsize>,
+
+    /// Write nothing but errors to stderr
+    #[arg(long, short, global = true)]
+    quiet: bool,
+
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  tamis denoise render.exr -o clean.exr
+  tamis inspect render.exr
+  tamis compare clean.exr reference.exr
+  tamis evolve --preset quick --out out
+  tamis denoise render.exr -o clean.exr --filter out/best.toml
+
+Exit status: 0 done, 1 the work failed, 2 the command line is wrong.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Filter a noisy image with the features in its file
+    Denoise(denoise::Denoise),
+    /// Search for a filter on training scenes
+    Evolve(evolve::Evolve),
+    /// Measure how far an image is from its reference
+    Compare(compare::Compare),
+    /// Measure filters on scenes: one table
+    Score(score::Score),
+    /// Draw a scene noisy, filtered and clean, side by side
+    Sheet(sheet::Sheet),
+    /// List a file's channels, what they feed, and what is wrong with them
+    Inspect(inspect::Inspect),
+    /// List the filters that have names
+    Filters(filters::Filters),
+    /// Explain the operators and features of expressions
+    Language(language::Language),
+}
+
+impl Command {
+    /// Does the work and returns what it found out.
+    fn run(&self, log: Log) -> Result<String, Error> {
+        match self {
+            Self::Denoise(command) => command.run(log),
+            Self::Evolve(command) => command.run(log),
+            Self::Compare(command) => command.run(),
+            Self::Score(command) => command.run(log),
+            Self::Sheet(command) => command.run(log),
+            Self::Inspect(command) => command.run(),
+            Self::Filters(command) => command.run(),
+            Self::Language(command) => command.run(),
+        }
+    }
+}
+
+/// Runs the program on the process' arguments.
+pub fn main() -> ExitCode {
+    let line = CommandLine::parse();
+    let log = Log::new(line.quiet);
+    match set_threads(line.threads).and_then(|()| line.command.run(log)).and_then(print) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            log.error(&error);
+            ExitCode::from(error.status())
+        }
+    }
+}
+
+fn set_threads(threads: Option<NonZeroUsize>) -> Result<(), Error> {
+    let Some(threads) = threads else { return Ok(()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
+    pool.build_global().map_err(|source| Error::Threads { threads, source })
+}
+
+fn print(text: String) -> Result<(), Error> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        // Whoever reads has read enough (`tamis … | head`).
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => result.map_err(Error::Stdout),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        super::CommandLine::command().debug_assert();
+    }
+}

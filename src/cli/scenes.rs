@@ -1,0 +1,50 @@
+//! What `--scenes` means: folders to search, or pairs of files.
+
+use std::path::{Path, PathBuf};
+
+use super::error::Error;
+use crate::scene::{SceneFiles, discover};
+
+/// How the help spells an argument.
+pub(super) const VALUE: &str = "DIR|NOISY.exr,REFERENCE.exr";
+
+/// The scenes that arguments stand for, in their order, each once.
+pub(super) fn find(arguments: &[PathBuf]) -> Result<Vec<SceneFiles>, Error> {
+    let mut scenes: Vec<SceneFiles> = Vec::new();
+    for argument in arguments {
+        let found = match pair(argument) {
+            Some((noisy, reference)) => vec![SceneFiles::of(&noisy, &reference)],
+            None => discover(&[argument])?,
+        };
+        for scene in found {
+            if !scenes.contains(&scene) {
+                scenes.push(scene);
+            }
+        }
+    }
+    Ok(scenes)
+}
+
+/// Two files named with a comma between them; a path that exists is never two.
+fn pair(argument: &Path) -> Option<(PathBuf, PathBuf)> {
+    if argument.exists() {
+        return None;
+    }
+    let (noisy, reference) = argument.to_str()?.split_once(',')?;
+    Some((noisy.into(), reference.into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_comma_joins_two_files() {
+        let both = PathBuf::from("some/room.exr,other/clean.exr");
+        let scenes = find(&[both.clone(), both]).expect("nothing is read yet");
+        assert_eq!(scenes.len(), 1);
+        assert_eq!(scenes[0].name, "room");
+        assert_eq!(scenes[0].reference, Path::new("other/clean.exr"));
+        assert!(find(&[PathBuf::from("no/such/folder")]).is_err());
+    }
+}

@@ -1,0 +1,16 @@
+//! Floor 4: what people get to see: tables, pictures, pages.
+//!
+//! Text is made here, and written elsewhere: a report is a value that a command
+//! prints or saves. Numbers are formatted in [`number`] and nowhere else, so
+//! that a figure reads the same in a table, a log line and a page.
+
+pub mod caption;
+pub mod number;
+pub mod picture;
+pub mod score;
+pub mod sheet;
+pub mod table;
+
+pub use picture::Picture;
+pub use score::{Measured, Score, ScoreTable, Total};
+pub use table::{Align, Format, Table};
