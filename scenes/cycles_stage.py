@@ -193,8 +193,11 @@ class Renderer:
                     group, component = name.removeprefix("ViewLayer.").rsplit(".", 1)
                     found.setdefault(group, {})[component] = np.array(channel.pixels, np.float64)
         order = "XYZRGB"
-        return {group: np.stack([channels[c] for c in order if c in channels], -1) for group, channels in found.items()
-                if any(c in order for c in channels)}
+        return {
+            group: np.stack([channels[c] for c in order if c in channels], -1)
+            for group, channels in found.items()
+            if any(c in order for c in channels)
+        }
 
     def sample(self, seed):
         """One sample per pixel: a dict of channel name to (height, width) array."""
@@ -210,9 +213,15 @@ class Renderer:
         direct = sum(found[f"{lobe} Direct"] * found[f"{lobe} Color"] for lobe in LOBES)
         direct = direct + found["Emission"] + found["Environment"]
         out = {}
-        for prefix, plane in (("", found["Combined"]), ("Position.", position), ("Normal.", found["Normal"] * hit),
-                              ("Albedo.", np.clip(albedo, 0, 1)), ("SecondaryAlbedo.", np.clip(second, 0, 1)),
-                              ("Depth.", depth), ("Direct.", direct)):
+        for prefix, plane in (
+            ("", found["Combined"]),
+            ("Position.", position),
+            ("Normal.", found["Normal"] * hit),
+            ("Albedo.", np.clip(albedo, 0, 1)),
+            ("SecondaryAlbedo.", np.clip(second, 0, 1)),
+            ("Depth.", depth),
+            ("Direct.", direct),
+        ):
             components = {"Position.": "XYZ", "Normal.": "XYZ", "Depth.": "Z"}.get(prefix, "RGB")
             out |= {prefix + c: plane[..., i] for i, c in enumerate(components)}
         return out

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Render the training and test scenes: noisy images with features, and references.
 
-    python3 scenes/render.py                     all scenes, into data/
-    python3 scenes/render.py --scene study       one of them
-    python3 scenes/render.py --preview /tmp      fast: few samples, a PNG to look at, no data written
+python3 scenes/render.py                     all scenes, into data/
+python3 scenes/render.py --scene study       one of them
+python3 scenes/render.py --preview /tmp      fast: few samples, a PNG to look at, no data written
 """
 
 import argparse
@@ -29,7 +29,11 @@ HALVES = (1_000_000, 2_000_000)
 
 def scenes():
     """Name -> module path of every scene."""
-    return {p.stem: f"{p.parent.name}.{p.stem}" for group in ("train", "test") for p in sorted((HERE / group).glob("[!_]*.py"))}
+    return {
+        p.stem: f"{p.parent.name}.{p.stem}"
+        for group in ("train", "test")
+        for p in sorted((HERE / group).glob("[!_]*.py"))
+    }
 
 
 def renderer(scene):
@@ -70,11 +74,14 @@ def render_scene(name, module, out, preview=None):
 
     colour = measure.planes(channels, "")
     error, own = measure.relmse(colour, reference), measure.reference_noise(*halves)
-    print(f"| {name} | {scene.RENDERER} | {scene.SIZE[0]}x{scene.SIZE[1]} | {spp} | {scene.CLAMP:g} | "
-          f"{error[0]:.3f} ({error[1]:.3f}) | {own[0] / error[0]:.2%} ({own[1] / error[1]:.2%}) | "
-          f"mean {reference.mean():.3f} | bias {measure.bias(colour, measure.planes(channels, 'Variance.'), reference):+.1f} se | "
-          f"no hit {np.mean(channels['Depth.Z'] == 0):.1%} | second {np.mean(measure.planes(channels, 'SecondaryAlbedo.').max(-1) > 0):.0%} | "
-          f"{time.time() - start:.0f} s |", flush=True)
+    print(
+        f"| {name} | {scene.RENDERER} | {scene.SIZE[0]}x{scene.SIZE[1]} | {spp} | {scene.CLAMP:g} | "
+        f"{error[0]:.3f} ({error[1]:.3f}) | {own[0] / error[0]:.2%} ({own[1] / error[1]:.2%}) | "
+        f"mean {reference.mean():.3f} | bias {measure.bias(colour, measure.planes(channels, 'Variance.'), reference):+.1f} se | "
+        f"no hit {np.mean(channels['Depth.Z'] == 0):.1%} | second {np.mean(measure.planes(channels, 'SecondaryAlbedo.').max(-1) > 0):.0%} | "
+        f"{time.time() - start:.0f} s |",
+        flush=True,
+    )
     if preview:
         measure.contact_sheet(Path(preview) / f"{name}.png", channels, reference)
         return
