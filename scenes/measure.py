@@ -31,6 +31,11 @@ def bias(image, variance, reference):
     return (image - reference).mean() / error
 
 
+def calibration(image, variance, reference):
+    """Estimated variance over squared error, both summed: near 1 where the samples are what they claim to be."""
+    return variance.sum() / ((image - reference) ** 2).sum()
+
+
 def planes(channels, prefix, components="RGB"):
     return np.stack([np.asarray(channels[prefix + c], np.float64) for c in components], -1)
 

@@ -117,15 +117,6 @@ class Stage:
         params.update()
         self.parts[name] = out
 
-    def spot(self, origin, target, intensity, angle):
-        """A lamp of no size: sharp shadows, never seen."""
-        self.parts[f"spot{len(self.parts)}"] = {
-            "type": "spot",
-            "to_world": mi.ScalarTransform4f().look_at(origin, target, [0.1, 0.2, 1]),
-            "intensity": texture(intensity),
-            "cutoff_angle": angle,
-        }
-
     def environment(self, image, turn=0.0):
         """Light from infinitely far: a latitude-longitude image whose poles are +Z and -Z."""
         to_world = mi.ScalarTransform4f().rotate([0, 0, 1], turn) @ mi.ScalarTransform4f().rotate([1, 0, 0], 90)

@@ -104,7 +104,7 @@ def bar(start, end, width, depth=None):
     return Mesh(m.v @ frame.T + start, m.f, m.uv)
 
 
-def grid(columns, rows, close_u=False):
+def grid(columns, rows):
     """Triangles of a (rows+1) x (columns+1) lattice of vertices, row after row."""
     i, j = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     a = (i * (columns + 1) + j).ravel()

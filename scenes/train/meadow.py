@@ -21,7 +21,7 @@ from shapes import (
 
 RENDERER = "cycles"
 SIZE = (256, 256)
-REFERENCE_SPP = 240
+REFERENCE_SPP = 360
 EXPOSURE = 1.0
 CLAMP = 10.0
 MAX_DEPTH = 10

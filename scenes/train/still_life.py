@@ -1,6 +1,7 @@
 """Fruit, cups, cards and beads close to the lens: most of the picture is out of focus.
 
-Depth of field makes every feature noisy, over textured objects and small highlights; units of one, 12 across.
+Depth of field makes every feature noisy, over textured objects, small highlights and a
+few visible lamps; units of one, 12 across.
 """
 
 import numpy as np
@@ -17,6 +18,7 @@ from shapes import (
     quad,
     ring,
     rounded_box,
+    scattered,
     sphere,
     surface,
     tube,
@@ -24,7 +26,7 @@ from shapes import (
 
 RENDERER = "mitsuba"
 SIZE = (288, 224)
-REFERENCE_SPP = 1024
+REFERENCE_SPP = 512
 EXPOSURE = 1.0
 CLAMP = 10.0
 MAX_DEPTH = 12
@@ -127,7 +129,7 @@ def build():
         ).moved(-2.3, 3.6, 0),
         silver,
     )
-    stage.add(cylinder(0.14, 1.6).moved(-2.3, 3.6, 2.5), plastic((0.7, 0.64, 0.5), 0.3))
+    stage.add(cylinder(0.14, 0.35).moved(-2.3, 3.6, 2.5), plastic((0.7, 0.64, 0.5), 0.3))
     stage.add(
         merged(
             [
@@ -174,5 +176,10 @@ def build():
         plastic(tex.ramp(tex.noise(256, 1.2, 6), [(0.03, 0.1, 0.02), (0.1, 0.22, 0.04), (0.2, 0.3, 0.08)]), 0.1),
     )
     stage.add(rounded_box(1.6, 1.1, 0.5, 0.08).turned("z", 30).moved(2.0, 0.6, 0.03), plastic(tex.wood(512, 4), 0.08))
+    # Visible lights: the candle's flame in focus' reach, and a string of small lamps far out of it.
+    flame = lathe([(0, 0), (0.09, 0.12), (0.07, 0.28), (0, 0.5)], 16)
+    stage.add(flame.moved(-2.3, 3.6, 2.88), diffuse(0.0), glow=(24, 14, 5))
+    lamps = [(x, 17.5, 3.2 + 0.45 * np.cos(1.4 * x)) for x in np.arange(-8, 9, 0.9)]
+    stage.add(scattered(sphere(0.1, 12), lamps), diffuse(0.0), glow=(26, 19, 11))
     stage.camera((0.2, -7.5, 2.9), (0, 1.8, 0.75), 40, aperture=0.19, focus=(0, 1.6, 0.7))
     return stage

@@ -23,7 +23,7 @@ from shapes import (
 
 RENDERER = "mitsuba"
 SIZE = (256, 256)
-REFERENCE_SPP = 1024
+REFERENCE_SPP = 448
 EXPOSURE = 1.3
 CLAMP = 5.0
 MAX_DEPTH = 14
@@ -209,5 +209,10 @@ def build():
         )
     stage.add(sphere(0.11).moved(0.25, 0.15, 0.12), glass())
     stage.add(scattered(cylinder(0.03, 0.25, 12), [(0.9, 0.3, 0), (0.97, 0.33, 0), (0.93, 0.24, 0)]), metal("Cu", 0.1))
+    # Two small wall lamps in sight; one mesh, since every further light takes samples from the window.
+    spots = [(-1.05, 2.9, 1.66), (0.95, 2.9, 1.66)]
+    bracket = lathe([(0, 0), (0.05, 0), (0.02, 0.03), (0.015, 0.1)], 24).turned("x", 90)
+    stage.add(scattered(bracket, np.add(spots, (0, 0.09, -0.04))), metal("Au", 0.15))
+    stage.add(scattered(sphere(0.045, 24), spots), diffuse(0.0), glow=(15, 11, 6.5))
     stage.camera((-0.7, -2.1, 1.5), (0.55, 1.6, 0.9), 64)
     return stage
