@@ -129,11 +129,7 @@ impl Findings {
             height: part.size.1,
             origin: part.origin,
             compression: part.compression.clone(),
-            storage: match (part.deep, part.tiled) {
-                (true, _) => "deep",
-                (false, true) => "tiles",
-                (false, false) => "scan lines",
-            },
+            storage: if part.tiled { "tiles" } else { "scan lines" },
             channels: part.channels.iter().map(|channel| entry(channel, &roles, scans)).collect(),
         };
         let stored = Feature::ALL.into_iter().filter(|f| !f.row().channels.is_empty());
