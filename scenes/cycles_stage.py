@@ -10,8 +10,10 @@ import numpy as np
 import OpenEXR
 from mathutils import Vector
 
-# What Cycles writes as depth where a ray hits nothing.
-MISS = 1e9
+# Cycles renders the first sample of every pixel through the pixel's centre, so single-sample passes made of it are
+# not antialiased and share their position. Sample 1 is the first that is drawn from the pixel's whole area, but
+# Cycles writes its own position and depth passes for sample 0 only: materials write them to outputs of our own.
+FIRST_SAMPLE = 1
 # Light that left the first hit, split by lobe; Cycles stores it without the lobe's colour.
 LOBES = ("Diffuse", "Glossy", "Transmission")
 
@@ -55,6 +57,10 @@ def material(node, repeat=1.0, **inputs):
     for name, value in inputs.items():
         connect(tree, shader.inputs[name.replace("_", " ")], value, repeat)
     tree.links.new(shader.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+    where, hit = tree.nodes.new("ShaderNodeOutputAOV"), tree.nodes.new("ShaderNodeOutputAOV")
+    where.aov_name, hit.aov_name = "Where", "Hit"
+    tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Position"], where.inputs["Color"])
+    hit.inputs["Value"].default_value = 1.0
     return out
 
 
@@ -164,6 +170,9 @@ class Renderer:
         render.image_settings.color_depth = "32"
         cycles.device = "CPU"
         cycles.pixel_filter_type = "BOX"
+        # Independent pixels (the default would spread the error as blue noise), and no light skipped.
+        cycles.sampling_pattern = "TABULATED_SOBOL"
+        cycles.light_sampling_threshold = 0
         # The same number of samples everywhere, none of them denoised.
         cycles.use_adaptive_sampling = cycles.use_denoising = False
         cycles.max_bounces = max_depth
@@ -172,16 +181,21 @@ class Renderer:
         cycles.blur_glossy = 0
         cycles.sample_clamp_direct, cycles.sample_clamp_indirect = 0, clamp
         layer = bpy.context.view_layer
-        layer.use_pass_combined = layer.use_pass_z = layer.use_pass_position = layer.use_pass_normal = True
+        layer.use_pass_combined = layer.use_pass_normal = True
         layer.use_pass_emit = layer.use_pass_environment = True
         for lobe in LOBES:
             setattr(layer, f"use_pass_{lobe.lower()}_direct", True)
             setattr(layer, f"use_pass_{lobe.lower()}_color", True)
         layer.cycles.denoising_store_passes = True
+        for name, kind in (("Where", "COLOR"), ("Hit", "VALUE")):
+            output = layer.aovs.add()
+            output.name, output.type = name, kind
 
     def passes(self, spp, seed):
         """Pass name -> (height, width, channels)."""
-        self.scene.cycles.samples, self.scene.cycles.seed = spp, seed
+        cycles = self.scene.cycles
+        cycles.samples, cycles.seed = FIRST_SAMPLE + spp, seed
+        cycles.use_sample_subset, cycles.sample_offset, cycles.sample_subset_length = True, FIRST_SAMPLE, spp
         with tempfile.TemporaryDirectory() as folder:
             self.scene.render.filepath = str(Path(folder) / "passes.exr")
             with silence():
@@ -193,15 +207,17 @@ class Renderer:
                     group, component = name.removeprefix("ViewLayer.").rsplit(".", 1)
                     found.setdefault(group, {})[component] = np.array(channel.pixels, np.float64)
         order = "XYZRGB"
-        return {group: np.stack([channels[c] for c in order if c in channels], -1) for group, channels in found.items()
-                if any(c in order for c in channels)}
+        return {
+            group: np.stack([channels[c] for c in order if c in channels], -1)
+            for group, channels in found.items()
+            if any(c in order for c in channels)
+        }
 
     def sample(self, seed):
         """One sample per pixel: a dict of channel name to (height, width) array."""
         found = self.passes(1, seed)
-        hit = found["Depth"] < MISS
-        position = np.where(hit, found["Position"], 0)
-        # Cycles' depth runs along the view axis; ours is the distance to the camera.
+        hit = found["Hit"] > 0.5
+        position = np.where(hit, found["Where"], 0)
         depth = np.where(hit, np.linalg.norm(position - self.eye, axis=-1, keepdims=True), 0)
         albedo = found["Diffuse Color"]
         # Cycles counts lights as white; they have no albedo here.
@@ -210,9 +226,15 @@ class Renderer:
         direct = sum(found[f"{lobe} Direct"] * found[f"{lobe} Color"] for lobe in LOBES)
         direct = direct + found["Emission"] + found["Environment"]
         out = {}
-        for prefix, plane in (("", found["Combined"]), ("Position.", position), ("Normal.", found["Normal"] * hit),
-                              ("Albedo.", np.clip(albedo, 0, 1)), ("SecondaryAlbedo.", np.clip(second, 0, 1)),
-                              ("Depth.", depth), ("Direct.", direct)):
+        for prefix, plane in (
+            ("", found["Combined"]),
+            ("Position.", position),
+            ("Normal.", found["Normal"] * hit),
+            ("Albedo.", np.clip(albedo, 0, 1)),
+            ("SecondaryAlbedo.", np.clip(second, 0, 1)),
+            ("Depth.", depth),
+            ("Direct.", direct),
+        ):
             components = {"Position.": "XYZ", "Normal.": "XYZ", "Depth.": "Z"}.get(prefix, "RGB")
             out |= {prefix + c: plane[..., i] for i, c in enumerate(components)}
         return out

@@ -32,7 +32,9 @@ def write(path, channels):
     """Write a dict of name -> (height, width); refuses what is not finite."""
     for name, a in channels.items():
         if not np.isfinite(a).all():
-            raise ValueError(f"{path}: channel {name} holds {np.count_nonzero(~np.isfinite(a))} values that are not finite")
+            raise ValueError(
+                f"{path}: channel {name} holds {np.count_nonzero(~np.isfinite(a))} values that are not finite"
+            )
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     stored = {name: np.ascontiguousarray(storage(name, a)) for name, a in channels.items()}
     for name, a in stored.items():

@@ -10,7 +10,7 @@ TRIM = 0.001
 def relmse(image, reference):
     """Relative mean squared error: (mean, mean without the worst 0.1% of pixels)."""
     error = ((image - reference) ** 2 / (reference**2 + 0.01)).mean(-1).ravel()
-    kept = np.sort(error)[:error.size - int(np.ceil(error.size * TRIM))]
+    kept = np.sort(error)[: error.size - int(np.ceil(error.size * TRIM))]
     return error.mean(), kept.mean()
 
 
@@ -18,7 +18,7 @@ def reference_noise(first, second):
     """RelMSE of the mean of two independent halves against the truth, estimated from their difference."""
     mean = (first + second) / 2
     error = ((first - second) ** 2 / 4 / (mean**2 + 0.01)).mean(-1).ravel()
-    kept = np.sort(error)[:error.size - int(np.ceil(error.size * TRIM))]
+    kept = np.sort(error)[: error.size - int(np.ceil(error.size * TRIM))]
     return error.mean(), kept.mean()
 
 
@@ -31,6 +31,11 @@ def bias(image, variance, reference):
     return (image - reference).mean() / error
 
 
+def calibration(image, variance, reference):
+    """Estimated variance over squared error, both summed: near 1 where the samples are what they claim to be."""
+    return variance.sum() / ((image - reference) ** 2).sum()
+
+
 def planes(channels, prefix, components="RGB"):
     return np.stack([np.asarray(channels[prefix + c], np.float64) for c in components], -1)
 
@@ -38,8 +43,13 @@ def planes(channels, prefix, components="RGB"):
 def contact_sheet(path, channels, reference):
     """Noisy, reference, normal / albedo, secondary albedo, direct, as one PNG."""
     tone = lambda a: np.clip(a, 0, 1) ** (1 / 2.2)
-    rows = [[tone(planes(channels, "")), tone(reference), planes(channels, "Normal.", "XYZ") * 0.5 + 0.5],
-            [tone(planes(channels, "Albedo.")), tone(planes(channels, "SecondaryAlbedo.")),
-             tone(planes(channels, "Direct."))]]
+    rows = [
+        [tone(planes(channels, "")), tone(reference), planes(channels, "Normal.", "XYZ") * 0.5 + 0.5],
+        [
+            tone(planes(channels, "Albedo.")),
+            tone(planes(channels, "SecondaryAlbedo.")),
+            tone(planes(channels, "Direct.")),
+        ],
+    ]
     sheet = np.concatenate([np.concatenate(row, 1) for row in rows], 0)
     Image.fromarray((np.clip(sheet, 0, 1) * 255).astype("u1")).save(path)

@@ -11,7 +11,9 @@ import numpy as np
 def newest_llvm():
     """The newest LLVM library installed: Dr.Jit takes the first it finds, and those before 17 lack instructions."""
     found = glob("/usr/lib/*/libLLVM*.so*") + glob("/usr/lib/llvm-*/lib/libLLVM*.so*")
-    return max(found, key=lambda path: float(re.search(r"(\d+(\.\d+)?)", path.rsplit("libLLVM", 1)[1] + "0")[1]), default=None)
+    return max(
+        found, key=lambda path: float(re.search(r"(\d+(\.\d+)?)", path.rsplit("libLLVM", 1)[1] + "0")[1]), default=None
+    )
 
 
 if newest_llvm():
@@ -48,8 +50,11 @@ def diffuse(pattern, **kw):
 
 def plastic(pattern, roughness=None, **kw):
     """Coated diffuse; smooth without `roughness`."""
-    inner = {"type": "plastic" if roughness is None else "roughplastic", "diffuse_reflectance": texture(pattern, **kw),
-             "nonlinear": True}
+    inner = {
+        "type": "plastic" if roughness is None else "roughplastic",
+        "diffuse_reflectance": texture(pattern, **kw),
+        "nonlinear": True,
+    }
     if roughness is not None:
         inner["alpha"] = roughness
     return {"type": "twosided", "bsdf": inner}
@@ -57,8 +62,11 @@ def plastic(pattern, roughness=None, **kw):
 
 def metal(name="Al", roughness=None, tint=1.0, repeat=1.0):
     """A conductor: mirror-like without `roughness`, which may be a grey image; `tint` a colour or an image."""
-    inner = {"type": "conductor" if roughness is None else "roughconductor", "material": name,
-             "specular_reflectance": texture(tint, repeat=repeat)}
+    inner = {
+        "type": "conductor" if roughness is None else "roughconductor",
+        "material": name,
+        "specular_reflectance": texture(tint, repeat=repeat),
+    }
     if roughness is not None:
         inner["alpha"] = texture(roughness, repeat=repeat) if np.ndim(roughness) else float(roughness)
     return {"type": "twosided", "bsdf": inner}
@@ -92,8 +100,14 @@ class Stage:
         props["bsdf"] = self.cache[id(material)][0]
         if glow is not None:
             props["emitter"] = mi.load_dict({"type": "area", "radiance": texture(glow)})
-        out = mi.Mesh(name, len(mesh.v), len(mesh.f), has_vertex_normals=mesh.n is not None,
-                      has_vertex_texcoords=True, props=props)
+        out = mi.Mesh(
+            name,
+            len(mesh.v),
+            len(mesh.f),
+            has_vertex_normals=mesh.n is not None,
+            has_vertex_texcoords=True,
+            props=props,
+        )
         params = mi.traverse(out)
         params["vertex_positions"] = np.ascontiguousarray(mesh.v, np.float32).ravel()
         params["faces"] = np.ascontiguousarray(mesh.f, np.uint32).ravel()
@@ -103,35 +117,47 @@ class Stage:
         params.update()
         self.parts[name] = out
 
-    def spot(self, origin, target, intensity, angle):
-        """A lamp of no size: sharp shadows, never seen."""
-        self.parts[f"spot{len(self.parts)}"] = {
-            "type": "spot", "to_world": mi.ScalarTransform4f().look_at(origin, target, [0.1, 0.2, 1]),
-            "intensity": texture(intensity), "cutoff_angle": angle}
-
     def environment(self, image, turn=0.0):
         """Light from infinitely far: a latitude-longitude image whose poles are +Z and -Z."""
         to_world = mi.ScalarTransform4f().rotate([0, 0, 1], turn) @ mi.ScalarTransform4f().rotate([1, 0, 0], 90)
-        self.parts["environment"] = {"type": "envmap", "to_world": to_world,
-                                     "bitmap": mi.Bitmap(np.ascontiguousarray(image, np.float32))}
+        self.parts["environment"] = {
+            "type": "envmap",
+            "to_world": to_world,
+            "bitmap": mi.Bitmap(np.ascontiguousarray(image, np.float32)),
+        }
 
     def camera(self, origin, target, fov, aperture=None, focus=None):
         """A pinhole, or a thin lens of radius `aperture` focused on the point `focus`."""
-        self.view = {"type": "perspective", "fov": fov, "fov_axis": "x", "near_clip": 1e-3, "far_clip": 1e5,
-                     "to_world": mi.ScalarTransform4f().look_at(origin, target, [0, 0, 1])}
+        self.view = {
+            "type": "perspective",
+            "fov": fov,
+            "fov_axis": "x",
+            "near_clip": 1e-3,
+            "far_clip": 1e5,
+            "to_world": mi.ScalarTransform4f().look_at(origin, target, [0, 0, 1]),
+        }
         if aperture:
             along = np.subtract(target, origin)
             along = along / np.linalg.norm(along)
-            self.view |= {"type": "thinlens", "aperture_radius": aperture,
-                          "focus_distance": float(np.subtract(focus, origin) @ along)}
+            self.view |= {
+                "type": "thinlens",
+                "aperture_radius": aperture,
+                "focus_distance": float(np.subtract(focus, origin) @ along),
+            }
 
 
 class Renderer:
     """Renders a finished stage; every call with another `seed` is independent."""
 
     def __init__(self, stage, size, clamp, max_depth):
-        film = {"type": "hdrfilm", "width": size[0], "height": size[1], "pixel_format": "rgb",
-                "component_format": "float32", "rfilter": {"type": "box"}}
+        film = {
+            "type": "hdrfilm",
+            "width": size[0],
+            "height": size[1],
+            "pixel_format": "rgb",
+            "component_format": "float32",
+            "rfilter": {"type": "box"},
+        }
         sensor = stage.view | {"film": film, "sampler": {"type": "independent"}}
         self.scene = mi.load_dict({"type": "scene", "sensor": sensor, **stage.parts})
         self.size = size
@@ -150,7 +176,8 @@ class Renderer:
         total, done = 0.0, 0
         while done < spp:
             now = min(chunk, spp - done)
-            total = total + now * np.array(mi.render(self.scene, integrator=self.colour_only, spp=now,
-                                                     seed=seed + done), np.float64)
+            total = total + now * np.array(
+                mi.render(self.scene, integrator=self.colour_only, spp=now, seed=seed + done), np.float64
+            )
             done += now
         return total[..., :3] / spp

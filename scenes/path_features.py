@@ -16,9 +16,24 @@ Features (0 where a ray hits nothing):
 import drjit as dr
 import mitsuba as mi
 
-NAMES = ["Position.X", "Position.Y", "Position.Z", "Normal.X", "Normal.Y", "Normal.Z",
-         "Albedo.R", "Albedo.G", "Albedo.B", "SecondaryAlbedo.R", "SecondaryAlbedo.G", "SecondaryAlbedo.B",
-         "Depth.Z", "Direct.R", "Direct.G", "Direct.B"]
+NAMES = [
+    "Position.X",
+    "Position.Y",
+    "Position.Z",
+    "Normal.X",
+    "Normal.Y",
+    "Normal.Z",
+    "Albedo.R",
+    "Albedo.G",
+    "Albedo.B",
+    "SecondaryAlbedo.R",
+    "SecondaryAlbedo.G",
+    "SecondaryAlbedo.B",
+    "Depth.Z",
+    "Direct.R",
+    "Direct.G",
+    "Direct.B",
+]
 
 # How many specular or glossy bounces the secondary albedo follows.
 CHAIN = 5
@@ -150,9 +165,24 @@ class FeaturePath(mi.SamplingIntegrator):
             throughput = dr.select(roulette, throughput / dr.maximum(survive, 1e-6), throughput)
 
         if dr.hint(self.features, mode="scalar"):
-            features = [position.x, position.y, position.z, normal.x, normal.y, normal.z,
-                        albedo.x, albedo.y, albedo.z, second.x, second.y, second.z,
-                        distance, direct.x, direct.y, direct.z]
+            features = [
+                position.x,
+                position.y,
+                position.z,
+                normal.x,
+                normal.y,
+                normal.z,
+                albedo.x,
+                albedo.y,
+                albedo.z,
+                second.x,
+                second.y,
+                second.z,
+                distance,
+                direct.x,
+                direct.y,
+                direct.z,
+            ]
         return colour, mi.Bool(True), features
 
 

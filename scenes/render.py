@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Render the training and test scenes: noisy images with features, and references.
 
-    python3 scenes/render.py                     all scenes, into data/
-    python3 scenes/render.py --scene study       one of them
-    python3 scenes/render.py --preview /tmp      fast: few samples, a PNG to look at, no data written
+python3 scenes/render.py                     all scenes, into data/
+python3 scenes/render.py --scene study       one of them
+python3 scenes/render.py --preview /tmp      fast: few samples, a PNG to look at, no data written
 """
 
 import argparse
@@ -25,11 +25,16 @@ PASSES = 4
 VECTORS = {"Position": "XYZ", "Normal": "XYZ", "Albedo": "RGB", "SecondaryAlbedo": "RGB", "Depth": "Z", "Direct": "RGB"}
 # Seeds of the reference's halves, far from each other and from the noisy image's.
 HALVES = (1_000_000, 2_000_000)
+PREVIEW_SPP = 16
 
 
 def scenes():
     """Name -> module path of every scene."""
-    return {p.stem: f"{p.parent.name}.{p.stem}" for group in ("train", "test") for p in sorted((HERE / group).glob("[!_]*.py"))}
+    return {
+        p.stem: f"{p.parent.name}.{p.stem}"
+        for group in ("train", "test")
+        for p in sorted((HERE / group).glob("[!_]*.py"))
+    }
 
 
 def renderer(scene):
@@ -59,22 +64,39 @@ def noisy(render, exposure, first_seed):
     return out
 
 
+def report(name, scene, spp, channels, halves, seconds):
+    """One row of numbers, as in the README's table and then some."""
+    reference = (halves[0] + halves[1]) / 2
+    colour, variance = measure.planes(channels, ""), measure.planes(channels, "Variance.")
+    error, own = measure.relmse(colour, reference), measure.reference_noise(*halves)
+    second = measure.planes(channels, "SecondaryAlbedo.").max(-1)
+    cells = [
+        name,
+        scene.RENDERER,
+        f"{scene.SIZE[0]}x{scene.SIZE[1]}",
+        f"{spp} spp",
+        f"clamp {scene.CLAMP:g}",
+        f"{error[0]:.3f} ({error[1]:.3f})",
+        f"{own[0] / error[0]:.2%} ({own[1] / error[1]:.2%})",
+        f"mean {reference.mean():.3f}",
+        f"bias {measure.bias(colour, variance, reference):+.1f} se",
+        f"calibration {measure.calibration(colour, variance, reference):.2f}",
+        f"no hit {np.mean(channels['Depth.Z'] == 0):.1%}",
+        f"secondary {np.mean(second > 0):.0%}",
+        f"{seconds:.0f} s",
+    ]
+    print("| " + " | ".join(cells) + " |", flush=True)
+
+
 def render_scene(name, module, out, preview=None):
     start = time.time()
     scene = importlib.import_module(module)
     render = renderer(scene)
     channels = noisy(render, scene.EXPOSURE, 1)
-    spp = 8 if preview else scene.REFERENCE_SPP
+    spp = PREVIEW_SPP if preview else scene.REFERENCE_SPP
     halves = [render.mean(spp // 2, seed) * scene.EXPOSURE for seed in HALVES]
     reference = (halves[0] + halves[1]) / 2
-
-    colour = measure.planes(channels, "")
-    error, own = measure.relmse(colour, reference), measure.reference_noise(*halves)
-    print(f"| {name} | {scene.RENDERER} | {scene.SIZE[0]}x{scene.SIZE[1]} | {spp} | {scene.CLAMP:g} | "
-          f"{error[0]:.3f} ({error[1]:.3f}) | {own[0] / error[0]:.2%} ({own[1] / error[1]:.2%}) | "
-          f"mean {reference.mean():.3f} | bias {measure.bias(colour, measure.planes(channels, 'Variance.'), reference):+.1f} se | "
-          f"no hit {np.mean(channels['Depth.Z'] == 0):.1%} | second {np.mean(measure.planes(channels, 'SecondaryAlbedo.').max(-1) > 0):.0%} | "
-          f"{time.time() - start:.0f} s |", flush=True)
+    report(name, scene, spp, channels, halves, time.time() - start)
     if preview:
         measure.contact_sheet(Path(preview) / f"{name}.png", channels, reference)
         return

@@ -42,9 +42,11 @@ def unit(a):
 def rotation(axis, degrees):
     t = np.radians(degrees)
     c, s = np.cos(t), np.sin(t)
-    return {"x": np.array([[1, 0, 0], [0, c, -s], [0, s, c]]),
-            "y": np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]),
-            "z": np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])}[axis]
+    return {
+        "x": np.array([[1, 0, 0], [0, c, -s], [0, s, c]]),
+        "y": np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]),
+        "z": np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]),
+    }[axis]
 
 
 def merged(meshes):
@@ -52,8 +54,12 @@ def merged(meshes):
     meshes = list(meshes)
     starts = np.cumsum([0] + [len(m.v) for m in meshes])
     n = None if any(m.n is None for m in meshes) else np.concatenate([m.n for m in meshes])
-    return Mesh(np.concatenate([m.v for m in meshes]), np.concatenate([m.f + s for m, s in zip(meshes, starts)]),
-                np.concatenate([m.uv for m in meshes]), n)
+    return Mesh(
+        np.concatenate([m.v for m in meshes]),
+        np.concatenate([m.f + s for m, s in zip(meshes, starts)]),
+        np.concatenate([m.uv for m in meshes]),
+        n,
+    )
 
 
 def scattered(mesh, places, angles=None, sizes=None):
@@ -98,7 +104,7 @@ def bar(start, end, width, depth=None):
     return Mesh(m.v @ frame.T + start, m.f, m.uv)
 
 
-def grid(columns, rows, close_u=False):
+def grid(columns, rows):
     """Triangles of a (rows+1) x (columns+1) lattice of vertices, row after row."""
     i, j = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     a = (i * (columns + 1) + j).ravel()
@@ -132,12 +138,12 @@ def lathe(profile, segments=48):
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
     parts = []
     for a, b in zip(cuts, cuts[1:]):
-        r, z = p[a:b + 1, 0], p[a:b + 1, 1]
-        slope = np.gradient(p[a:b + 1], axis=0)
+        r, z = p[a : b + 1, 0], p[a : b + 1, 1]
+        slope = np.gradient(p[a : b + 1], axis=0)
         nr, nz = slope[:, 1], -slope[:, 0]
         v = np.stack([np.outer(r, np.cos(t)), np.outer(r, np.sin(t)), np.outer(z, np.ones_like(t))], -1)
         n = np.stack([np.outer(nr, np.cos(t)), np.outer(nr, np.sin(t)), np.outer(nz, np.ones_like(t))], -1)
-        uv = np.stack(np.broadcast_arrays(t[None] / (2 * np.pi), length[a:b + 1, None] / length[-1]), -1)
+        uv = np.stack(np.broadcast_arrays(t[None] / (2 * np.pi), length[a : b + 1, None] / length[-1]), -1)
         parts.append(Mesh(v.reshape(-1, 3), grid(segments, b - a), uv.reshape(-1, 2), unit(n.reshape(-1, 3))))
     return merged(parts)
 
@@ -210,30 +216,38 @@ def blades(places, heights, widths, rng, bend=0.5, steps=4):
     t = np.linspace(0, 1, steps + 1)
     across = np.stack([-np.sin(turn), np.cos(turn), 0 * turn], 1)
     along = np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1)
-    centre = (places[:, None] + along[:, None] * (lean[:, None] * t**2)[..., None]
-              + np.array([0, 0, 1]) * (heights[:, None] * (t - 0.15 * t**2))[..., None])
+    centre = (
+        places[:, None]
+        + along[:, None] * (lean[:, None] * t**2)[..., None]
+        + np.array([0, 0, 1]) * (heights[:, None] * (t - 0.15 * t**2))[..., None]
+    )
     half = across[:, None] * (widths[:, None] * (1 - t**2 * 0.95) / 2)[..., None]
     v = np.stack([centre - half, centre + half], 2).reshape(-1, 3)
     f = (grid(1, steps)[None] + (np.arange(k) * 2 * (steps + 1))[:, None, None]).reshape(-1, 3)
     # u picks one colour per blade, v runs from root to tip.
-    uv = np.stack(np.broadcast_arrays(rng.uniform(0, 1, k)[:, None, None], t[None, :, None], np.zeros((1, 1, 2))),
-                  -1)[..., :2].reshape(-1, 2)
+    uv = np.stack(np.broadcast_arrays(rng.uniform(0, 1, k)[:, None, None], t[None, :, None], np.zeros((1, 1, 2))), -1)[
+        ..., :2
+    ].reshape(-1, 2)
     return smoothed(Mesh(v, f, uv))
 
 
 def leaf(length, width, curl=0.3, steps=6):
     """A pointed leaf along +X, folded a little along its middle and curling down."""
+
     def shape(u, v):
         w = width * np.sin(np.pi * np.clip(u, 0.02, 0.995)) ** 0.8 * (v - 0.5)
         return np.stack([length * u, w, 0.4 * np.abs(w) - curl * length * u**2], 1)
+
     return surface(shape, steps, 4)
 
 
 def curtain(width, height, folds, depth, rng):
     """A hanging cloth with uneven folds, in the XZ plane."""
     phase, pitch = rng.uniform(0, 6, 3), rng.uniform(0.7, 1.3, 3) * folds * 2 * np.pi
+
     def shape(u, v):
         y = sum(np.sin(pitch[i] * u + phase[i]) for i in range(3)) / 3 * depth * (0.6 + 0.4 * (1 - v))
         return np.stack([(u - 0.5) * width, y, v * height], 1)
+
     m = surface(shape, folds * 16, 4)
     return Mesh(m.v, m.f, m.uv * [width, height], m.n)

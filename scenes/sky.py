@@ -16,8 +16,18 @@ def directions(height):
     return np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], -1)
 
 
-def sun_and_sky(height, azimuth, elevation, sun, sun_radius=1.5, zenith=(0.16, 0.3, 0.62), horizon=(0.75, 0.78, 0.8),
-                ground=(0.16, 0.14, 0.11), clouds=0.5, seed=0):
+def sun_and_sky(
+    height,
+    azimuth,
+    elevation,
+    sun,
+    sun_radius=1.5,
+    zenith=(0.16, 0.3, 0.62),
+    horizon=(0.75, 0.78, 0.8),
+    ground=(0.16, 0.14, 0.11),
+    clouds=0.5,
+    seed=0,
+):
     """A sky with drifting clouds, a glow about the sun, and the sun itself as a disc of `sun` radiance."""
     d = directions(height)
     a, e = np.radians(azimuth), np.radians(elevation)
@@ -40,9 +50,14 @@ def studio(height, lamps, ambient=0.03, seed=0):
     d = directions(height)
     azimuth = np.degrees(np.arctan2(d[..., 1], d[..., 0]))
     elevation = np.degrees(np.arcsin(d[..., 2]))
-    image = np.full((*d.shape[:2], 3), float(ambient)) * (0.6 + 0.8 * np.concatenate([tex.noise(height, 1.5, seed)] * 2, 1))[..., None]
+    image = (
+        np.full((*d.shape[:2], 3), float(ambient))
+        * (0.6 + 0.8 * np.concatenate([tex.noise(height, 1.5, seed)] * 2, 1))[..., None]
+    )
     for a, e, wide, high, radiance in lamps:
         off = np.abs((azimuth - a + 180) % 360 - 180)
-        inside = tex.smoothstep(wide / 2 + 1, wide / 2 - 1, off) * tex.smoothstep(high / 2 + 1, high / 2 - 1, np.abs(elevation - e))
+        inside = tex.smoothstep(wide / 2 + 1, wide / 2 - 1, off) * tex.smoothstep(
+            high / 2 + 1, high / 2 - 1, np.abs(elevation - e)
+        )
         image = tex.mix(image, np.asarray(radiance, float), inside)
     return image

@@ -80,10 +80,10 @@ def planks(size, count, seed, **colours):
     out = np.empty((height * count, size, 3))
     for i in range(count):
         piece = np.roll(board, rng.integers(size, size=2), (0, 1))[:height] * rng.uniform(0.65, 1.15)
-        piece[:max(1, height // 24)] *= 0.2
+        piece[: max(1, height // 24)] *= 0.2
         end = rng.integers(size)
-        piece[:, end:end + max(1, size // 300)] *= 0.2
-        out[i * height:(i + 1) * height] = piece
+        piece[:, end : end + max(1, size // 300)] *= 0.2
+        out[i * height : (i + 1) * height] = piece
     return np.clip(out, 0, 1)
 
 
@@ -130,7 +130,9 @@ def marble(size, seed, base=(0.75, 0.73, 0.7), vein=(0.16, 0.17, 0.2)):
     return mix(vein, base, smoothstep(0.0, 0.14, veins))
 
 
-def terrazzo(size, seed, base=(0.62, 0.6, 0.56), chips=((0.5, 0.2, 0.14), (0.12, 0.13, 0.14), (0.3, 0.36, 0.3), (0.7, 0.55, 0.3))):
+def terrazzo(
+    size, seed, base=(0.62, 0.6, 0.56), chips=((0.5, 0.2, 0.14), (0.12, 0.13, 0.14), (0.3, 0.36, 0.3), (0.7, 0.55, 0.3))
+):
     """Stone chips in a light ground."""
     out = np.broadcast_to(np.asarray(base, float), (size, size, 3)).copy()
     for i, chip in enumerate(chips):
@@ -208,7 +210,9 @@ def poster(size, seed, palette):
         elif kind == 2:
             draw.polygon([(x, y - r), (x + r, y + r), (x - r, y + r // 2)], fill=colour)
         else:
-            draw.text((x - r, y - r), words(rng, 2).strip().upper() or "A", font=ImageFont.load_default(r * 2), fill=colour)
+            draw.text(
+                (x - r, y - r), words(rng, 2).strip().upper() or "A", font=ImageFont.load_default(r * 2), fill=colour
+            )
     return (np.asarray(image) / 255.0) ** 2.2
 
 
@@ -226,7 +230,8 @@ def spines(width, height, count, seed, palette):
         for y in rng.uniform(0.05, 0.95, 2):
             draw.rectangle((a, y * height, b - 2, y * height + 5), fill=pale)
         strip = Image.new("RGB", (height, max(8, b - a - 3)), colour)
-        ImageDraw.Draw(strip).text((height // 6, 0), words(rng, 24).upper(),
-                                   font=ImageFont.load_default(max(8, (b - a) * 2 // 3)), fill=pale)
+        ImageDraw.Draw(strip).text(
+            (height // 6, 0), words(rng, 24).upper(), font=ImageFont.load_default(max(8, (b - a) * 2 // 3)), fill=pale
+        )
         image.paste(strip.rotate(90, expand=True).crop((0, 0, max(1, b - a - 3), int(height * 0.7))), (a, height // 5))
     return (np.asarray(image) / 255.0) ** 2.2

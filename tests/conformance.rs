@@ -202,7 +202,7 @@ fn agree(backend: &dyn Backend, got: &[Filtered], expected: &[Filtered], what: &
 fn every_operator(backend: &dyn Backend) {
     let scene = scene(23, 9, 1);
     for &op in Op::ALL {
-        let operand = parse("0.6 * distance2(color, color)");
+        let operand = parse("0.6 * distance2(normal, normal)");
         let scalar = Tree::constant(0.75);
         let vector = parse("dot(normal, normal)").subtree(0);
         let operands: Vec<&Tree> = match op.operands() {

@@ -7,7 +7,19 @@ import numpy as np
 
 import textures as tex
 from mitsuba_stage import Stage, diffuse, metal, plastic
-from shapes import bar, box, cylinder, lathe, merged, quad, ring, rounded_box, scattered, sphere, surface, tube
+from shapes import (
+    bar,
+    cylinder,
+    lathe,
+    merged,
+    quad,
+    ring,
+    rounded_box,
+    scattered,
+    sphere,
+    surface,
+    tube,
+)
 
 RENDERER = "mitsuba"
 SIZE = (288, 216)
@@ -21,6 +33,7 @@ SIGNS = [(0.75, 0.7, 0.6), (0.02, 0.02, 0.03), (0.7, 0.08, 0.03), (0.75, 0.45, 0
 
 def gear(outer, teeth, thickness):
     """A spur gear with a bored hub: the lattice of a turned profile whose radius follows the teeth."""
+
     def rim(u, v):
         t = u * 2 * np.pi
         r = outer * (1 + 0.09 * np.clip(1.6 * np.cos(teeth * t), -1, 1))
@@ -32,7 +45,9 @@ def gear(outer, teeth, thickness):
             r = outer * (1 + 0.09 * np.clip(1.6 * np.cos(teeth * t), -1, 1)) * v + 0.2 * outer * (1 - v)
             dish = -0.22 * thickness * (np.abs(v - 0.55) < 0.25)
             return np.stack([r * np.cos(t), -side * r * np.sin(t) * -1, side * (thickness / 2 + dish)], 1)
+
         return f
+
     parts = [surface(rim, teeth * 12, 2), surface(face(1), teeth * 12, 24), surface(face(-1), teeth * 12, 24)]
     parts.append(cylinder(0.32 * outer, thickness * 1.3).moved(z=-0.65 * thickness))
     return merged(parts)
@@ -57,7 +72,9 @@ def build():
     rng = np.random.default_rng(4)
     stage = Stage()
     scratches = tex.noise(1024, 0.9, 2, (1, 40))
-    brushed = metal("Al", 0.06 + 0.3 * scratches**2, repeat=1 / 400, tint=0.55 + 0.45 * scratches[..., None] * [1, 1, 1])
+    brushed = metal(
+        "Al", 0.06 + 0.3 * scratches**2, repeat=1 / 400, tint=0.55 + 0.45 * scratches[..., None] * [1, 1, 1]
+    )
     cast = metal("Cr", 0.32)
     polished = metal("Cr", 0.03)
     copper = metal("Cu", 0.14)
@@ -77,7 +94,10 @@ def build():
     stripes = quad(1600, 70).turned("x", 90).moved(0, 326, 40)
     stage.add(stripes.textured(1 / 80), diffuse(tex.stripes(256, [(0.75, 0.5, 0.02), (0.02, 0.02, 0.02)], 1)))
     # What only the metal sees: a chequered door and shelves behind the camera.
-    stage.add(quad(1800, 1000).turned("x", -90).moved(0, -900, 500), diffuse(tex.checker(512, 6, (0.7, 0.68, 0.6), (0.1, 0.2, 0.16)), repeat=1 / 900))
+    stage.add(
+        quad(1800, 1000).turned("x", -90).moved(0, -900, 500),
+        diffuse(tex.checker(512, 6, (0.7, 0.68, 0.6), (0.1, 0.2, 0.16)), repeat=1 / 900),
+    )
     for side in (-1, 1):
         shelf = quad(1300, 900).turned("x", 90).turned("z", -90 * side).moved(700 * side, -250, 450)
         stage.add(shelf, diffuse(tex.spines(1024, 512, 24, 5 + side, SIGNS[1:]), repeat=1 / 900))
@@ -86,16 +106,36 @@ def build():
     stage.add(gear(95, 22, 34).turned("z", 8).moved(-150, 60, 30), cast)
     stage.add(gear(62, 14, 30).moved(20, 105, 27), blued)
     stage.add(gear(120, 30, 30).turned("x", 78).turned("z", -18).moved(-240, 205, 140), brushed)
-    stage.add(lathe([(0, 0), (80, 0), (84, 10), (60, 26), (30, 60), (26, 120), (44, 160), (66, 176), (66, 184), (0, 190)]).moved(180, 150, 10), blued)
-    stage.add(lathe([(38, 0), (70, 0), (74, 6), (74, 40), (70, 46), (38, 46), (34, 40), (34, 6), (38, 0)]).moved(140, -60, 10), brass)
-    stage.add(scattered(sphere(11, 24), [(140 + 54 * np.cos(t), -60 + 54 * np.sin(t), 60) for t in np.linspace(0, 6.28, 13)[:-1]]), polished)
+    stage.add(
+        lathe(
+            [(0, 0), (80, 0), (84, 10), (60, 26), (30, 60), (26, 120), (44, 160), (66, 176), (66, 184), (0, 190)]
+        ).moved(180, 150, 10),
+        blued,
+    )
+    stage.add(
+        lathe([(38, 0), (70, 0), (74, 6), (74, 40), (70, 46), (38, 46), (34, 40), (34, 6), (38, 0)]).moved(
+            140, -60, 10
+        ),
+        brass,
+    )
+    stage.add(
+        scattered(
+            sphere(11, 24), [(140 + 54 * np.cos(t), -60 + 54 * np.sin(t), 60) for t in np.linspace(0, 6.28, 13)[:-1]]
+        ),
+        polished,
+    )
     stage.add(sphere(46).moved(270, 30, 56), polished)
     stage.add(spring(34, 130, 9, 6).moved(-20, -30, 10), copper)
     stage.add(spring(20, 190, 16, 3.5).turned("y", 90).turned("z", 25).moved(-270, -90, 32), polished)
     for i in range(16):
         b = bolt(rng.uniform(6, 11), rng.uniform(40, 75)).turned("y", 90).turned("z", rng.uniform(0, 360))
         stage.add(b.moved(rng.uniform(-300, 300), rng.uniform(-210, -90), 30), [cast, brass, copper, brushed][i % 4])
-    stage.add(merged([ring(rng.uniform(14, 26), 4).moved(rng.uniform(-310, 310), rng.uniform(-215, -20), 14) for _ in range(22)]), copper)
+    stage.add(
+        merged(
+            [ring(rng.uniform(14, 26), 4).moved(rng.uniform(-310, 310), rng.uniform(-215, -20), 14) for _ in range(22)]
+        ),
+        copper,
+    )
     stage.add(tube([(330, 260, 0), (330, 260, 260), (300, 240, 330), (220, 200, 350), (0, 190, 360)], 16, 20), brass)
     stage.add(merged([bar((x, 316, 0), (x, 316, 520), 14) for x in (-455, -215, 30, 262)]), cast)
 

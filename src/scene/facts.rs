@@ -85,7 +85,8 @@ impl Facts {
 
     /// Facts stated outright; planes not named are absent.
     pub fn from_planes(planes: impl IntoIterator<Item = (PlaneId, Fact)>) -> Self {
-        Self { planes: planes.into_iter().collect() }
+        let known = planes.into_iter().filter(|(_, fact)| *fact != Fact::Absent);
+        Self { planes: known.collect() }
     }
 
     /// What is known of a plane.

@@ -37,14 +37,14 @@ impl SceneFiles {
         Ok(Self::of(&folder.join(NOISY), &folder.join(REFERENCE)))
     }
 
-    /// The scene made of two files, named by the noisy one's folder and, unless
-    /// that is the usual `4spp.exr`, its own name.
+    /// The scene made of any two files, named as [`scene_name`] says.
     pub fn of(noisy: &Path, reference: &Path) -> Self {
         Self { name: scene_name(noisy), noisy: noisy.to_owned(), reference: reference.to_owned() }
     }
 }
 
-/// What reports call the scene whose noisy image this is.
+/// What reports call the scene whose noisy image this is: the folder's name for
+/// `4spp.exr`, as all scenes have one of these, else the file's.
 pub fn scene_name(noisy: &Path) -> String {
     let usual = noisy.file_name().is_some_and(|name| name == NOISY);
     // The folder of a relative path may be known to the system alone.

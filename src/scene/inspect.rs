@@ -62,18 +62,14 @@ impl Inspection {
         stored.filter(|&feature| self.mapping.value(feature).is_none())
     }
 
-    /// Decodes every channel that can be decoded, one part at a time, and says
-    /// what is in it, by full name. Deep and subsampled parts are left out.
+    /// Decodes every channel, one part at a time (parts may differ in size), and
+    /// says what is in it, by full name.
     ///
     /// # Errors
     /// If the file turns out to be damaged.
     pub fn scan(&self) -> Result<BTreeMap<String, Scan>, SceneError> {
         let mut scans = BTreeMap::new();
         for part in self.header.parts() {
-            let subsampled = part.channels.iter().any(|channel| channel.subsampled);
-            if part.deep || subsampled || part.channels.is_empty() {
-                continue;
-            }
             let names: Vec<&str> = part.channels.iter().map(|c| c.name.as_str()).collect();
             let pixels = read_channels(self.header.path(), &names)?;
             let all = pixels.channels.into_iter();

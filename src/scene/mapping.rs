@@ -15,6 +15,9 @@
 //! 5. **A colour without a known name** is taken from the only RGB triple of the
 //!    file, if there is but one.
 
+#[cfg(test)]
+mod tests;
+
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::SceneError;
@@ -66,6 +69,8 @@ impl Mapping {
         for other in &CONVENTIONS {
             mapping.take(other, &prefixes, &index, header, &mut claimed);
         }
+        let Self { sources, unusable, .. } = &mut mapping;
+        unusable.retain(|v| !sources.contains_key(&(v.feature, Quantity::Variance)));
         if let Some(channels) = index.only_triple()
             && mapping.value(Feature::Color).is_none()
             && channels.iter().all(|channel| !claimed.contains(channel))
@@ -90,14 +95,14 @@ impl Mapping {
             found.find(|channels| channels.iter().all(|channel| !claimed.contains(channel)))
         };
         for feature in Feature::ALL {
-            let key = (feature, Quantity::Value);
-            if !self.sources.contains_key(&key) {
-                let ways = convention.value(feature);
-                if let Some(channels) = ways.iter().find_map(|way| free(way, claimed)) {
-                    claimed.extend(channels.iter().cloned());
-                    let source = Source { channels, convention: convention.name, divisor: 1.0 };
-                    self.sources.insert(key, source);
-                }
+            if self.value(feature).is_some() {
+                continue;
+            }
+            let ways = convention.value(feature);
+            if let Some(channels) = ways.iter().find_map(|way| free(way, claimed)) {
+                claimed.extend(channels.iter().cloned());
+                let source = Source { channels, convention: convention.name, divisor: 1.0 };
+                self.sources.insert((feature, Quantity::Value), source);
             }
         }
         for feature in Feature::ALL {

@@ -36,6 +36,8 @@ mod prepare;
 mod raw;
 pub mod repair;
 #[cfg(test)]
+mod sample;
+#[cfg(test)]
 mod tests;
 
 use std::collections::BTreeMap;

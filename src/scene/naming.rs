@@ -53,10 +53,7 @@ pub static CONVENTIONS: [Convention; 9] = [
             (Texture, &["Albedo"]),
             (Color, &[""]),
         ],
-        variances: &[
-            (Color, &["Variance"], Spread::PerSample),
-            (Color, &["RelativeVariance"], Spread::Unclear),
-        ],
+        variances: &[(Color, &["Variance"], Spread::PerSample)],
     },
     Convention {
         name: "Blender Cycles",

@@ -12,7 +12,9 @@
 //! - **Depth** is divided by the same extent, or where the file has no positions
 //!   by the 95th percentile of its own non-zero values.
 //! - **Pixels that hit nothing** have 0 in depth and in all components of the
-//!   position, wherever the world's origin is.
+//!   position, wherever the world's origin is. (Pixels that hit something with
+//!   some of their samples are a mixture the renderer made, in which the origin
+//!   counts: moving the world changes them by more than rounding.)
 //! - **Colour and direct light** are divided by the *exposure*, the median of the
 //!   noisy colour's positive luminances. Only what weights look at: the colours
 //!   that a filter averages stay as they are.
@@ -130,8 +132,10 @@ pub fn geometry(position: &[Vec<f32>], hits: &[bool]) -> ([f32; 3], f32) {
 
 /// The extent of a scene that is known by its depths alone.
 pub fn depth_extent(depth: &[f32]) -> f32 {
-    let mut seen: Vec<f32> = depth.iter().copied().filter(|&d| d != 0.0 && d.is_finite()).collect();
-    quantile(&mut seen, FAR).and_then(|d| usable(d.abs())).unwrap_or(1.0)
+    // Some renderers count depth along a camera axis that points backwards.
+    let mut seen: Vec<f32> =
+        depth.iter().map(|d| d.abs()).filter(|&d| d != 0.0 && d.is_finite()).collect();
+    quantile(&mut seen, FAR).and_then(usable).unwrap_or(1.0)
 }
 
 /// A scale that can be divided by.

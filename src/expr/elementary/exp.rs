@@ -10,6 +10,8 @@ use crate::expr::tape::Value;
 ///
 /// x = n ln 2 + r with |r| <= 0.347, ln 2 in two parts; e^r is a polynomial of
 /// degree 6 (relative error 3.2e-9), and 2^n is built from its exponent field.
+/// 12 primitives where the argument is known to be in [-88, 41]; 13 where it is
+/// only known not to be positive, as in most filters.
 pub const EXP: Unary = Unary {
     meaning: |x| x.min(f64::from(ARGUMENT_MAX)).exp(),
     build: exp,
@@ -27,7 +29,7 @@ const ARGUMENT_MAX: f32 = 41.446_53;
 const ARGUMENT_MIN: f32 = -88.0;
 
 /// ln 2 in two parts.
-const LN_2: [f32; 2] = [0.693_147_2, -1.904_654_2e-9];
+const LN_2: [f32; 2] = [std::f32::consts::LN_2, -1.904_654_2e-9];
 
 /// (e^r - 1 - r) / r^2.
 const TAIL: [f32; 5] = [0.499_999_94, 0.166_665_15, 0.041_668_08, 0.008_369_369, 0.001_384_181_2];

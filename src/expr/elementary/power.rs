@@ -1,9 +1,21 @@
 //! Square root and power.
 //!
-//! x^y = 2^(y log2 x), where the logarithm and the product are carried in two
-//! parts: an error in the exponent of 2 is an error in the result a hundred
-//! times as large (the exponent reaches 127), so `f32` alone would lose seven
-//! bits.
+//! x^y = 2^(y log2 x). The exponent of 2 reaches 127 and an error in it is as
+//! large a *relative* error in the result, so an `f32` logarithm would lose
+//! seven bits. The logarithm and the product are therefore carried in two parts.
+//!
+//! Measured for a base that is not negative, over results of all magnitudes:
+//!
+//! | logarithm and product | primitives | time | worst | mean |
+//! |---|---|---|---|---|
+//! | in `f32` | 31 | 1.0 | 300 ulp | 12 ulp |
+//! | in two parts | 48 | 1.4-1.5 | 3 ulp | 0.3 ulp |
+//!
+//! The second is what stands here. It has a further use: with a constant base
+//! the builder folds the whole logarithm into two constants, so that 2^y or
+//! 0.3^y cost what an exponential costs, and are as accurate.
+
+use std::f32::consts::{LN_2, LOG2_E, SQRT_2};
 
 use super::{enclosure, horner};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
@@ -19,27 +31,40 @@ pub const SQRT: Unary = Unary {
     budget: Budget { ulp: 0.5, absolute: 0.0 },
 };
 
-/// `pow`: |x|^y, with a minus sign where x is negative and y an odd integer;
-/// clamped at [`LIMIT`] above.
+/// `pow`: |x|^y, with a minus sign where x is negative and y an odd integer, so
+/// that it is defined everywhere and agrees with mathematics for all integers y.
+/// Clamped at ±[`LIMIT`]; results below the normal numbers may be flushed to 0.
+///
+/// x^0 is 1 for all x, 0 included. A base of 0, for which any subnormal counts,
+/// has the logarithm -2^66: 0^y is 0 for y > 2e-18, [`LIMIT`] for y < -1e-18, and
+/// joins these two without a jump at y = 0.
+///
+/// 56 primitives; 48 for a base that is not negative, 44 if it is also not 0 and
+/// |y| <= 1024; 20 for a constant base, 13 for base 2; 47 to 49 for a constant
+/// exponent, and 1 to 4 for the exponents -2, -1, -1/2, 0, 1/2, 1, 2, 3 and 4. The
+/// absolute part of the budget is what x^(1/2) makes of subnormals.
 pub const POW: Binary =
-    Binary { meaning, build: pow, range, budget: Budget { ulp: 5.0, absolute: 1.1e-19 } };
+    Binary { meaning, build: pow, range, budget: Budget { ulp: 3.5, absolute: 1.1e-19 } };
 
-/// log2 of zero, for `pow`.
+/// The logarithm of 0: far enough to decide any exponent that means something,
+/// near enough that its product with any other stays finite, and a power of two,
+/// so that the product is exact.
 const LOG2_ZERO: f32 = -73_786_976_294_838_206_464.0;
 
-/// 1 / ln 2: the leading part, and the rest as the constant term of the series.
-const LOG2_E: f32 = std::f32::consts::LOG2_E;
-
-/// log2 m = s (LOG2_E + series(s^2)) with s = 2 (m - 1) / (m + 1).
+/// log2 m = s (LOG2_E + series(s^2)) with s = 2 (m - 1) / (m + 1), |s| <= 0.3432;
+/// the constant term is what `f32` leaves of 1 / ln 2. Relative error 1.8e-11.
 const SERIES: [f32; 5] =
     [1.925_963e-8, 0.120_224_59, 0.018_033_681, 0.003_218_870_1, 0.000_653_595_55];
 
-/// (2^g - 1) / g.
-const EXP2: [f32; 6] =
-    [0.693_147_2, 0.240_226_5, 0.055_503_607, 0.009_618_248, 0.001_339_152_5, 0.000_154_315_89];
+/// What the rest of s weighs in log2 m: the derivative LOG2_E / (1 + s/2), to 1.5%.
+const REST: [f32; 2] = [-0.7434, 1.4646];
 
-/// Residues of the exponent of 2 are kept within this; in the domain where the
-/// result is neither 0 nor clamped they are far smaller.
+/// (2^g - 1) / g, to 5.2e-9 of 2^g on |g| <= 1/2.
+const EXP2: [f32; 6] =
+    [LN_2, 0.240_226_5, 0.055_503_607, 0.009_618_248, 0.001_339_152_5, 0.000_154_315_89];
+
+/// Bound of the low part of y log2 x. Where the result is neither 0 nor clamped
+/// that part is a thousand times smaller; elsewhere it could be anything.
 const RESIDUE_MAX: f32 = 1.0 / 64.0;
 
 fn meaning(x: f64, y: f64) -> f64 {
@@ -58,29 +83,29 @@ fn is_odd(y: f64) -> bool {
 }
 
 fn range(x: Interval, y: Interval) -> Interval {
-    // For a base that is not negative, the power is monotone in either operand.
-    let magnitude = |x: Interval| {
-        let corner = |x: f32, y: f32| meaning(x.into(), y.into());
-        let corners =
-            [corner(x.lo, y.lo), corner(x.lo, y.hi), corner(x.hi, y.lo), corner(x.hi, y.hi)];
-        let (lo, hi) =
-            corners.iter().fold((f64::INFINITY, 0.0_f64), |(lo, hi), &c| (lo.min(c), hi.max(c)));
-        enclosure(POW.budget, lo, hi).clamped(0.0, LIMIT)
-    };
-    let positive = (x.hi >= 0.0).then(|| magnitude(x.clamped(0.0, f32::INFINITY)));
+    // Operands are never beyond the limit, even if no more is known of them.
+    let [x, y] = [x, y].map(|operand| operand.clamped(-LIMIT, LIMIT));
+    let positive = (x.hi >= 0.0).then(|| range_of_magnitude(x.clamped(0.0, LIMIT), y));
     let negative = (x.lo < 0.0).then(|| {
-        let mirrored = magnitude((-x).clamped(0.0, f32::INFINITY));
+        let magnitude = range_of_magnitude((-x).clamped(0.0, LIMIT), y);
         match y.single() {
-            Some(y) if is_odd(y.into()) => -mirrored,
-            Some(_) => mirrored,
-            None => mirrored.hull(-mirrored),
+            Some(y) if is_odd(y.into()) => -magnitude,
+            Some(_) => magnitude,
+            None => magnitude.hull(-magnitude),
         }
     });
-    match (positive, negative) {
-        (Some(p), Some(n)) => p.hull(n),
-        (Some(one), None) | (None, Some(one)) => one,
-        (None, None) => Interval::new(-LIMIT, LIMIT),
-    }
+    let parts = positive.into_iter().chain(negative);
+    parts.reduce(Interval::hull).expect("a number is negative or it is not")
+}
+
+/// The range for a base that is not negative. The power is then monotone in
+/// either operand, so that its extremes are at the corners.
+fn range_of_magnitude(x: Interval, y: Interval) -> Interval {
+    let corners = [(x.lo, y.lo), (x.lo, y.hi), (x.hi, y.lo), (x.hi, y.hi)]
+        .map(|(x, y)| meaning(x.into(), y.into()));
+    let lo = corners.into_iter().fold(f64::INFINITY, f64::min);
+    let hi = corners.into_iter().fold(0.0, f64::max);
+    enclosure(POW.budget, lo, hi).clamped(0.0, LIMIT)
 }
 
 fn sqrt(b: &mut Builder, x: Value) -> Value {
@@ -93,6 +118,7 @@ fn pow(b: &mut Builder, x: Value, y: Value) -> Value {
     if let Some(power) = b.constant_of(y).and_then(|y| constant_power(b, x, y)) {
         return power;
     }
+    // The guards and signs below vanish where x is known to be positive.
     let magnitude = b.abs(x);
     let smallest = b.constant(f32::MIN_POSITIVE);
     let normal = b.max(magnitude, smallest);
@@ -148,7 +174,7 @@ fn constant_power(b: &mut Builder, x: Value, y: f32) -> Option<Value> {
             reciprocal(b, divisor)
         }
         -2.0 => {
-            let square = b.mul(x, x);
+            let square = b.product(x, x);
             let least = b.constant(DIVISOR_MIN);
             let square = b.max(square, least);
             reciprocal(b, square)
@@ -160,7 +186,7 @@ fn constant_power(b: &mut Builder, x: Value, y: f32) -> Option<Value> {
 /// x^2, at most [`LIMIT`].
 fn square(b: &mut Builder, x: Value) -> Value {
     let limit = b.constant(LIMIT);
-    let square = b.mul(x, x);
+    let square = b.product(x, x);
     b.min(square, limit)
 }
 
@@ -175,38 +201,40 @@ struct Parts {
     low: Value,
 }
 
-/// log2 of a positive normal number, to about 2^-30 of itself.
+/// log2 of a positive normal number, to 2^-28 of itself.
 fn log2(b: &mut Builder, x: Value) -> Parts {
     let one = b.constant(1.0);
 
     // x = 2^e m with m in [sqrt(1/2), sqrt(2)).
-    let sqrt_2 = b.constant(std::f32::consts::SQRT_2);
+    let sqrt_2 = b.constant(SQRT_2);
     let shifted = b.mul(x, sqrt_2);
     let e = b.exponent(shifted);
     let minus_e = b.neg(e);
     let scale = b.exp2i(minus_e);
     let m = b.mul(x, scale);
 
-    // s + s_low = f / (1 + f/2), f = m - 1. The subtraction f - s is exact.
+    // s = f / (1 + f/2) rounded, f = m - 1. The subtraction f - s is exact, so
+    // rest = f - s (1 + f/2) is what s leaves over, however the divisor was rounded.
     let f = b.sub(m, one);
     let minus_half = b.constant(-0.5);
     let h = b.mul(f, minus_half);
     let divisor = b.sub(one, h);
-    let inverse = b.div(one, divisor);
-    let s = b.mul(f, inverse);
-    let t = b.sub(f, s);
-    let rest = b.fma(s, h, t);
-    let s_low = b.mul(rest, inverse);
+    let s = b.div(f, divisor);
+    let difference = b.sub(f, s);
+    let rest = b.fma(s, h, difference);
 
-    // log2 m = -minus_main + tail, where minus_main is s * -LOG2_E rounded.
+    // log2 m = -minus_main + tail, where minus_main is -LOG2_E s rounded.
     let (log2_e, minus_log2_e) = (b.constant(LOG2_E), b.constant(-LOG2_E));
     let minus_main = b.mul(s, minus_log2_e);
     let tail = b.fma(s, log2_e, minus_main);
-    let tail = b.fma(s_low, log2_e, tail);
+    let [slope, weight] = REST.map(|c| b.constant(c));
+    let weight = b.fma(s, slope, weight);
+    let tail = b.fma(rest, weight, tail);
     let z = b.mul(s, s);
     let series = horner(b, z, &SERIES);
     let tail = b.fma(s, series, tail);
 
+    // The differences are exact; what high rounds away reaches low.
     let log_m = b.sub(tail, minus_main);
     let high = b.add(e, log_m);
     let low = b.sub(e, high);
@@ -221,10 +249,13 @@ fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     let minus_high = b.neg(high);
     let low = b.fma(y, log.high, minus_high);
     let low = b.fma(y, log.low, low);
-    let bound = b.range(y).magnitude() / 65536.0;
+    // |log| < 128 in two parts that do not overlap: each of the two products of y
+    // leaves less than 2^-17 of it. Moderate exponents need no clamp.
+    let bound = b.range(y).magnitude() / 65_536.0;
     b.assume(low, Interval::new(-bound, bound));
     let low = b.clamp(low, -RESIDUE_MAX, RESIDUE_MAX);
 
+    // 2^60 is above the limit, and the scale 2^-127 is 0.
     let high = b.clamp(high, -127.0, 60.0);
     let n = b.round(high);
     let g = b.sub(high, n);

@@ -1,13 +1,14 @@
 //! Sine, cosine and tangent.
 //!
 //! The argument is reduced by a multiple of pi (of pi/2 for the tangent) that is
-//! subtracted in three parts. The first subtraction is exact: the difference is
-//! a multiple of the first part's last bit and fits in 24 bits. So accuracy
-//! holds up to |x| = [`ARGUMENT_MAX`]; beyond it the argument is clamped, by
-//! intent, in the meaning too: the reduced argument would soon be noise, and no
-//! filter wants the sine of a number whose neighbour is half a turn away.
+//! subtracted in three parts. The first subtraction is exact, because the
+//! difference is a multiple of the first part's last bit and fits in 24 bits; so
+//! the budgets hold up to |x| = 1e5. Beyond, the argument is clamped by intent,
+//! in the meaning too: there the reduced argument would soon be noise, and no
+//! filter wants the sine of numbers whose `f32` neighbours are far around the
+//! circle.
 
-use std::f32::consts::{FRAC_1_PI, FRAC_2_PI};
+use std::f32::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
 use super::{enclosure, horner};
 use crate::expr::builder::Builder;
@@ -16,10 +17,12 @@ use crate::expr::interval::Interval;
 use crate::expr::tape::Value;
 
 /// Arguments are clamped into ± this.
-pub const ARGUMENT_MAX: f32 = 1e5;
+const ARGUMENT_MAX: f32 = 1e5;
 
-/// `sin`. 18 primitives: a polynomial of degree 9 on |r| <= 1.58 (relative error
-/// 1.2e-8), its sign flipped where the multiple of pi is odd.
+/// `sin`, of the argument clamped into ±1e5. 18 primitives: a polynomial of degree
+/// 9 on |r| <= 1.58 (relative error 1.2e-8), its sign flipped where the multiple of
+/// pi is odd. No result exceeds 1: the last bits of the coefficients were chosen
+/// to that end, over all arguments near pi/2.
 pub const SIN: Unary = Unary {
     meaning: |x| clamped(x).sin(),
     build: sin,
@@ -33,7 +36,8 @@ pub const SIN: Unary = Unary {
     budget: Budget { ulp: 2.0, absolute: 0.0 },
 };
 
-/// `cos`. 19 primitives: the sine, reduced to the nearest odd multiple of pi/2.
+/// `cos`, of the argument clamped into ±1e5. 19 primitives: the same polynomial,
+/// around the nearest odd multiple of pi/2, so that the zeros keep their digits.
 pub const COS: Unary = Unary {
     meaning: |x| clamped(x).cos(),
     build: cos,
@@ -45,12 +49,15 @@ pub const COS: Unary = Unary {
             Interval::new(-1.0, 1.0)
         }
     },
-    budget: Budget { ulp: 2.0, absolute: 0.0 },
+    budget: Budget { ulp: 2.1, absolute: 0.0 },
 };
 
-/// `tan`. 19 primitives: one quotient r (1 + p r^2) / (1 + q r^2 + s r^4) on
-/// |r| <= 0.795 (relative error 3.6e-8), turned over where the multiple of pi/2
-/// is odd. It is total because no `f32` is a pole: see [`TANGENT_MAX`].
+/// `tan`, of the argument clamped into ±1e5. 19 primitives: one quotient
+/// r (1 + p r^2) / (1 + q r^2 + s r^4) on |r| <= 0.793 (relative error 2.4e-8),
+/// turned over where the multiple of pi/2 is odd.
+///
+/// It is total because no `f32` is a pole. Of all arguments TANGENT_AT comes nearest,
+/// with a tangent of TANGENT_IS; so there is nothing to clamp.
 pub const TAN: Unary = Unary {
     meaning: |x| clamped(x).tan(),
     build: tan,
@@ -66,16 +73,16 @@ pub const TAN: Unary = Unary {
 
 /// No tangent is greater: of all `f32` within ±[`ARGUMENT_MAX`], this is the one
 /// nearest to a pole.
-pub const TANGENT_MAX: f32 = 1e9;
+const TANGENT_MAX: f32 = 1e9;
 
-/// The greatest `f32` below pi/2 and pi: sine and tangent grow on ±pi/2, the
-/// cosine falls on [0, pi].
-const QUARTER_TURN: f32 = 1.570_796_3;
-const HALF_TURN: f32 = 3.141_592_5;
+/// Within these, a little below pi/2 and pi, sine and tangent grow, and the
+/// cosine falls with the magnitude.
+const QUARTER_TURN: f32 = 1.5;
+const HALF_TURN: f32 = 3.0;
 
 /// Minus pi and minus pi/2, in three parts.
-const MINUS_PI: [f32; 3] = [-3.141_592_7, 8.742_277_7e-8, 3.430_249e-15];
-const MINUS_HALF_PI: [f32; 3] = [-1.570_796_4, 4.371_138_8e-8, 1.715_124_5e-15];
+const MINUS_PI: [f32; 3] = [-PI, 8.742_278e-8, 3.430_249e-15];
+const MINUS_HALF_PI: [f32; 3] = [-FRAC_PI_2, 4.371_139e-8, 1.715_124_5e-15];
 
 /// (sin r / r - 1) / r^2, in powers of r^2.
 const SINE: [f32; 4] = [-0.166_666_63, 0.008_333_142, -0.000_198_139_82, 2.613_001e-6];
@@ -128,9 +135,8 @@ fn half_floor(b: &mut Builder, n: Value) -> Value {
 fn signed_sine(b: &mut Builder, r: Value, n: Value, sign: f32) -> Value {
     // (-1)^n = 1 - 2 (n - 2 floor(n / 2))
     let half = half_floor(b, n);
-    let (one, minus_two, four) =
-        (b.constant(sign), b.constant(-2.0 * sign), b.constant(4.0 * sign));
-    let t = b.fma(n, minus_two, one);
+    let [unit, minus_two, four] = [1.0, -2.0, 4.0].map(|c| b.constant(sign * c));
+    let t = b.fma(n, minus_two, unit);
     let parity = b.fma(half, four, t);
     let signed = b.mul(r, parity);
     let z = b.mul(r, r);

@@ -17,7 +17,8 @@ use exr::meta::MetaData;
 use half::f16;
 use rayon::prelude::*;
 
-use super::header::{Attributes, Header, Part, SampleKind, guarded, open};
+use super::dwa;
+use super::header::{Attributes, Header, SampleKind, guarded, open};
 use crate::scene::SceneError;
 
 /// Chunks in flight at a time.
@@ -44,7 +45,7 @@ pub struct Pixels {
 ///
 /// # Errors
 /// If the file cannot be read, lacks one of them, or holds them in a form that
-/// is not read (deep, subsampled, different data windows).
+/// is not read (different data windows).
 ///
 /// # Panics
 /// If `wanted` is empty.
@@ -112,7 +113,6 @@ fn locate<S: AsRef<str>>(header: &Header, wanted: &[S]) -> Result<Vec<Place>, Sc
                 present: header.listing(),
             });
         };
-        usable(path, name, &header.parts()[part])?;
         if let Some(first) = places.first() {
             let (a, b) = (&header.parts()[first.part], &header.parts()[part]);
             if (a.size, a.origin) != (b.size, b.origin) {
@@ -130,25 +130,6 @@ fn locate<S: AsRef<str>>(header: &Header, wanted: &[S]) -> Result<Vec<Place>, Sc
         }
     }
     Ok(places)
-}
-
-fn usable(path: &Path, channel: &str, part: &Part) -> Result<(), SceneError> {
-    let unsupported =
-        |what, advice| Err(SceneError::Unsupported { path: path.to_owned(), what, advice });
-    if part.deep {
-        return unsupported(
-            format!("channel \"{channel}\" is deep data (several samples per pixel)"),
-            "flatten it to one sample per pixel",
-        );
-    }
-    // One subsampled channel shifts where its neighbours' samples stand.
-    if let Some(other) = part.channels.iter().find(|other| other.subsampled) {
-        return unsupported(
-            format!("channel \"{}\" has fewer samples than pixels (subsampled)", other.name),
-            "save the image as RGB, not as luminance and chroma",
-        );
-    }
-    Ok(())
 }
 
 /// Room for the result, refused as an error where a lying header asks for more
@@ -214,7 +195,10 @@ fn convert(
     header: &Header,
     places: &[Place],
 ) -> Result<Band, SceneError> {
-    let block = guarded(path, || UncompressedBlock::decompress_chunk(chunk, meta, false))?;
+    let block = guarded(path, || {
+        dwa::check(&chunk, &meta.headers)?;
+        UncompressedBlock::decompress_chunk(chunk, meta, false)
+    })?;
     let corrupt =
         |detail: &str| SceneError::Corrupt { path: path.to_owned(), detail: detail.to_owned() };
     let index = block.index;
@@ -232,10 +216,8 @@ fn convert(
     if block.data.len() != line * height {
         return Err(corrupt("a chunk has the wrong size"));
     }
-    let planes = places
-        .iter()
-        .enumerate()
-        .filter(|(_, place)| place.part == index.layer)
+    let wanted = places.iter().enumerate().filter(|(_, place)| place.part == index.layer);
+    let planes: Vec<(usize, Vec<f32>)> = wanted
         .map(|(slot, place)| {
             let start: usize = bytes[..place.channel].iter().sum();
             let kind = part.channels[place.channel].kind;
@@ -246,6 +228,9 @@ fn convert(
             (slot, samples)
         })
         .collect();
+    if planes.is_empty() {
+        return Err(corrupt("a chunk belongs to another part than the offset table says"));
+    }
     Ok(Band { part: index.layer, x, y, width, planes })
 }
 

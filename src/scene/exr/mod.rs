@@ -2,8 +2,9 @@
 //!
 //! Read: single-part and multi-part, scan lines and tiles (the full-resolution
 //! level of several), half, float and unsigned samples, every compression that
-//! the `exr` crate knows. Not read, with an error that says so: deep data,
-//! subsampled channels, channels of different data windows in one request.
+//! the `exr` crate knows. Not read, with an error that says so: files with deep
+//! data or subsampled channels (in any part: the crate refuses the whole file),
+//! and channels of different data windows in one request.
 //!
 //! **Names.** A channel's *full name* is what the rest of Tamis calls it by. In a
 //! single-part file it is the channel's own name (`Albedo.R`). In a multi-part
@@ -16,7 +17,10 @@
 //! decoder becomes [`SceneError::Corrupt`](super::SceneError::Corrupt).
 
 mod decode;
+mod dwa;
 mod header;
+#[cfg(test)]
+mod tests;
 mod write;
 
 pub use decode::{Pixels, read_channels};
