@@ -1,0 +1,439 @@
+//! The program as people meet it: arguments in; text, files and an exit status
+//! out.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, WritableImage};
+use serde_json::Value;
+
+const WIDTH: usize = 24;
+const HEIGHT: usize = 20;
+
+/// A channel's name, and its sample in column x and row y.
+type Channel = (&'static str, fn(usize, usize) -> f32);
+
+/// Two walls of different brightness that meet at an edge in the normals.
+const CLEAN: [Channel; 3] = [
+    ("R", |x, _| if x < 12 { 0.8 } else { 0.2 }),
+    ("G", |x, _| if x < 12 { 0.6 } else { 0.3 }),
+    ("B", |x, _| if x < 12 { 0.4 } else { 0.5 }),
+];
+
+const NOISY: [Channel; 9] = [
+    ("R", |x, y| CLEAN[0].1(x, y) * noise(x, y, 1)),
+    ("G", |x, y| CLEAN[1].1(x, y) * noise(x, y, 2)),
+    ("B", |x, y| CLEAN[2].1(x, y) * noise(x, y, 3)),
+    ("Normal.X", |x, _| if x < 12 { 1.0 } else { 0.0 }),
+    ("Normal.Y", |x, _| if x < 12 { 0.0 } else { 1.0 }),
+    ("Normal.Z", |_, _| 0.0),
+    ("Albedo.R", |x, _| if x < 12 { 0.8 } else { 0.4 }),
+    ("Albedo.G", |_, _| 0.5),
+    ("Albedo.B", |_, _| 0.5),
+];
+
+/// A factor around 1 that nobody could guess from the pixel's neighbours.
+fn noise(x: usize, y: usize, salt: u32) -> f32 {
+    let mut bits = (x as u32 * 73_856_093) ^ (y as u32 * 19_349_663) ^ (salt * 83_492_791);
+    bits ^= bits >> 13;
+    bits = bits.wrapping_mul(0x5bd1_e995);
+    bits ^= bits >> 15;
+    0.2 + 1.6 * (bits & 0xffff) as f32 / 65_535.0
+}
+
+fn write_exr(path: &Path, channels: &[Channel]) {
+    let samples = |f: fn(usize, usize) -> f32| {
+        FlatSamples::F32((0..WIDTH * HEIGHT).map(|i| f(i % WIDTH, i / WIDTH)).collect())
+    };
+    let channels =
+        AnyChannels::sort(channels.iter().map(|&(n, f)| AnyChannel::new(n, samples(f))).collect());
+    let layer = Layer::new((WIDTH, HEIGHT), Default::default(), Encoding::FAST_LOSSLESS, channels);
+    Image::from_layer(layer).write().to_file(path).expect("a writable folder");
+}
+
+/// A folder with a scene in it: `room/4spp.exr` and `room/reference.exr`.
+struct Place {
+    folder: tempfile::TempDir,
+}
+
+impl Place {
+    fn new() -> Self {
+        let place = Self { folder: tempfile::tempdir().expect("a temporary folder") };
+        fs::create_dir(place.path("room")).expect("a writable folder");
+        write_exr(&place.path("room/4spp.exr"), &NOISY);
+        write_exr(&place.path("room/reference.exr"), &CLEAN);
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// The program, about to run in the folder.
+    fn program(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tamis"));
+        command.current_dir(self.folder.path()).args(arguments).stdin(Stdio::null());
+        command
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        self.program(arguments).output().expect("the program starts")
+    }
+
+    /// Runs what must work; returns stdout.
+    fn done(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+        String::from_utf8(output.stdout).expect("UTF-8")
+    }
+
+    /// Runs what must fail with a status, naming what is given; returns stderr.
+    #[track_caller]
+    fn fails(&self, status: i32, arguments: &[&str], named: &[&str]) -> String {
+        let before = self.files();
+        let output = self.run(arguments);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(status), "{arguments:?}: {message}");
+        assert!(output.stdout.is_empty(), "results on stdout of a failed run");
+        for name in named {
+            assert!(message.contains(name), "{arguments:?}: no `{name}` in: {message}");
+        }
+        assert!(!message.contains("panicked"), "{message}");
+        assert_eq!(self.files(), before, "{arguments:?} left files behind");
+        message
+    }
+
+    /// Every file in and below the folder.
+    fn files(&self) -> Vec<PathBuf> {
+        fn list(folder: &Path, found: &mut Vec<PathBuf>) {
+            for entry in fs::read_dir(folder).expect("readable") {
+                let path = entry.expect("readable").path();
+                if path.is_dir() { list(&path, found) } else { found.push(path) }
+            }
+        }
+        let mut found = Vec::new();
+        list(self.folder.path(), &mut found);
+        found.sort();
+        found
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error} in: {text}"))
+}
+
+const EDGE_AWARE: &str = "exp(-distance2(normal, normal) / 0.1)";
+
+#[test]
+fn a_filtered_image_is_nearer_to_its_reference() {
+    let place = Place::new();
+    let noisy = json(&place.done(&["compare", "room/4spp.exr", "room/reference.exr", "--json"]));
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", EDGE_AWARE]);
+    let clean = json(&place.done(&["compare", "out.exr", "room/reference.exr", "--json"]));
+    let error = |of: &Value| of["rel_mse"].as_f64().expect("a number");
+    assert!(error(&clean) < error(&noisy) / 20.0, "{clean} against {noisy}");
+    assert!(clean["trimmed_rel_mse"].as_f64() <= clean["rel_mse"].as_f64());
+    assert!(clean["psnr_db"].as_f64() > noisy["psnr_db"].as_f64());
+    let same = place.done(&["compare", "out.exr", "out.exr"]);
+    assert!(same.contains("inf dB"), "{same}");
+}
+
+#[test]
+fn back_ends_threads_and_exact_passes_write_the_same_bytes() {
+    let place = Place::new();
+    let filter = "kernel.toml";
+    fs::write(
+        place.path(filter),
+        format!(
+            "version = 1\nname = \"kernel\"\n[[stage]]\nradius = 4\n\
+             weight = \"{EDGE_AWARE} * tricube(distance2(pixel, pixel) / 4)\"\n"
+        ),
+    )
+    .expect("writable");
+    let denoise = |out: &str, more: &[&str]| {
+        let mut arguments = vec!["denoise", "room/4spp.exr", "-o", out, "--filter", filter];
+        arguments.extend(more);
+        place.done(&arguments);
+        place.bytes(out)
+    };
+    let interp = denoise("interp.exr", &["--backend", "interp"]);
+    assert_eq!(denoise("rate.exr", &["--backend", "interp", "--without", "rate"]), interp);
+    assert_eq!(denoise("threads.exr", &["--threads", "1", "--backend", "interp"]), interp);
+    if cfg!(feature = "jit") {
+        assert_eq!(denoise("jit.exr", &["--backend", "jit"]), interp);
+        assert_eq!(denoise("again.exr", &["--threads", "2"]), interp);
+    }
+    assert_ne!(denoise("radius.exr", &["--radius", "2"]), interp);
+}
+
+#[test]
+fn the_report_says_what_was_estimated_repaired_and_kept() {
+    let place = Place::new();
+    let mut channels = NOISY;
+    channels[0].1 = |x, y| if (x, y) == (3, 4) { f32::NAN } else { NOISY[0].1(x, y) };
+    write_exr(&place.path("bad.exr"), &channels);
+    let estimate = format!("{EDGE_AWARE} + nVariance");
+    let output = place.run(&["denoise", "bad.exr", "-o", "out.exr", "--filter", &estimate]);
+    let report = stderr(&output);
+    assert!(output.status.success() && output.stdout.is_empty(), "{report}");
+    for part in ["bad.exr: R: 1 bad pixel", "nVariance: not in the file, estimated", "out.exr"] {
+        assert!(report.contains(part), "no `{part}` in: {report}");
+    }
+    let refused = ["denoise", "bad.exr", "-o", "no.exr", "--filter", "1", "--repair", "error"];
+    place.fails(1, &refused, &["bad.exr", "\"R\"", "x = 3, y = 4", "--repair median"]);
+
+    let output = place.run(&["denoise", "room/4spp.exr", "-o", "kept.exr", "--filter", "0"]);
+    assert!(stderr(&output).contains("480 pixels (100.0%) kept"), "{}", stderr(&output));
+    let quiet = place.run(&["-q", "denoise", "bad.exr", "-o", "quiet.exr", "--filter", &estimate]);
+    assert!(quiet.status.success() && quiet.stderr.is_empty(), "{}", stderr(&quiet));
+}
+
+#[test]
+fn errors_name_what_is_at_fault_and_leave_nothing_behind() {
+    let place = Place::new();
+    fs::write(place.path("text.exr"), "no image").expect("writable");
+    fs::write(place.path("cut.exr"), &place.bytes("room/4spp.exr")[..700]).expect("writable");
+    fs::write(place.path("bad.toml"), "version = 1\nname = 3\n").expect("writable");
+    let with = |input, filter| ["denoise", input, "-o", "out.exr", "--filter", filter];
+
+    place.fails(1, &with("missing.exr", "1"), &["missing.exr"]);
+    place.fails(1, &with("text.exr", "1"), &["text.exr", "not an OpenEXR file"]);
+    place.fails(1, &with("cut.exr", "1"), &["cut.exr", "damaged"]);
+    place.fails(1, &with("room/4spp.exr", "bad.toml"), &["bad.toml"]);
+    place.fails(1, &with("room/4spp.exr", "missing.toml"), &["missing.toml"]);
+    place.fails(
+        1,
+        &with("room/4spp.exr", "exp(-distance2(worldPosition, worldPosition))"),
+        &["room/4spp.exr", "`worldPosition`", "Position.X", "Normal.X"],
+    );
+    let nowhere = ["denoise", "room/4spp.exr", "-o", "no/such/out.exr", "--filter", "1"];
+    place.fails(1, &nowhere, &["no/such/out.exr"]);
+    place.fails(1, &["compare", "room/4spp.exr", "missing.exr"], &["missing.exr"]);
+    place.fails(1, &["inspect", "text.exr"], &["text.exr"]);
+    place.fails(1, &["score", "--scenes", "nowhere"], &["nowhere"]);
+    place.fails(1, &["evolve", "--resume", "--scenes", "room"], &["checkpoint.json"]);
+}
+
+#[test]
+fn a_wrong_command_line_is_told_from_failed_work() {
+    let place = Place::new();
+    let with = |more: &[&'static str]| {
+        let mut arguments = vec!["denoise", "room/4spp.exr", "-o", "out.exr"];
+        arguments.extend(more);
+        arguments
+    };
+    place.fails(2, &[], &["Usage"]);
+    place.fails(2, &["denoise", "room/4spp.exr"], &["--output"]);
+    place.fails(2, &with(&["--filter", "bilatral"]), &["bilatral", "cross-bilateral"]);
+    place.fails(2, &with(&["--filter", "exp(normal)"]), &["exp(normal)", "    ^"]);
+    place.fails(2, &with(&["--backend", "gpu"]), &["gpu", "interp"]);
+    place.fails(2, &with(&["--radius", "129"]), &["129", "128"]);
+    place.fails(2, &with(&["--without", "luck"]), &["luck", "share"]);
+    let onto_itself = ["denoise", "room/4spp.exr", "-o", "room/../room/4spp.exr"];
+    place.fails(2, &onto_itself, &["4spp.exr", "input"]);
+    place.fails(2, &["denoise", "room/4spp.exr", "-o", "out.jpg"], &["out.jpg", ".png"]);
+    place.fails(2, &["evolve", "--scenes", "room", "--crossover", "0.9"], &["add up to 1"]);
+    place.fails(2, &["evolve", "--scenes", "room", "--islands", "no"], &["--islands"]);
+    place.fails(2, &["evolve", "--resume", "--seed", "3"], &["--seed"]);
+    assert_eq!(place.run(&["--help"]).status.code(), Some(0));
+    assert!(place.done(&["--version"]).starts_with("tamis "));
+}
+
+#[test]
+fn inspect_tells_what_feeds_what() {
+    let place = Place::new();
+    let mut channels = NOISY;
+    channels[8].1 = |x, _| if x == 0 { f32::INFINITY } else { 0.5 };
+    write_exr(&place.path("bad.exr"), &channels);
+    let text = place.done(&["inspect", "bad.exr"]);
+    let line = |name: &str| {
+        let found = text.lines().find(|line| line.split_whitespace().next() == Some(name));
+        found.unwrap_or_else(|| panic!("no line `{name}` in: {text}")).to_owned()
+    };
+    assert!(line("Albedo.B").contains("texture[2]") && line("Albedo.B").contains("20 infinite"));
+    assert!(line("Normal.Z").contains("constant 0"), "{text}");
+    assert!(line("depth").contains("absent") && line("depth").contains("Depth.Z"), "{text}");
+    assert!(line("normal").contains("estimated"), "{text}");
+
+    let report = json(&place.done(&["inspect", "bad.exr", "--json"]));
+    assert_eq!(report["layers"][0]["width"], WIDTH);
+    assert_eq!(report["layers"][0]["channels"].as_array().map(Vec::len), Some(9));
+    assert_eq!(report["layers"][0]["channels"][0]["samples"]["infinite"], 20);
+    let status = |feature: &str| {
+        let features = report["features"].as_array().expect("a list").iter();
+        let entry = features.clone().find(|entry| entry["feature"] == feature);
+        entry.expect("every feature is listed")["status"].clone()
+    };
+    assert_eq!([status("normal"), status("depth")], ["present", "absent"]);
+}
+
+#[test]
+fn score_and_sheet_take_folders_and_pairs() {
+    let place = Place::new();
+    let pair = "room/4spp.exr,room/reference.exr";
+    let filters = ["--filters", EDGE_AWARE, "bilateral", "kan2017"];
+    let arguments = |scene, more: &[&'static str]| {
+        let mut arguments = vec!["score", "--scenes", scene];
+        arguments.extend(filters);
+        arguments.extend(more);
+        arguments
+    };
+    let scores = json(&place.done(&arguments("room", &["--json"])));
+    let filtered = &scores[0]["filters"];
+    assert_eq!(scores[0]["scene"], "room");
+    assert!(filtered[0]["rel_mse"].as_f64() < scores[0]["noisy"]["rel_mse"].as_f64());
+    let failure = filtered[2]["failure"].as_str().expect("there are no positions");
+    assert!(failure.contains("worldPosition") && filtered[2]["rel_mse"].is_null(), "{failure}");
+
+    let table = place.done(&arguments(pair, &["--markdown"]));
+    assert!(table.lines().all(|line| line.starts_with("| ") && line.ends_with(" |")), "{table}");
+    assert!(table.contains("| room ") && table.contains(" - |"), "{table}");
+
+    place.done(&["sheet", pair, "-o", "sheet.png", "--filters", "bilateral", "gaussian"]);
+    let decoder = png::Decoder::new(std::io::Cursor::new(place.bytes("sheet.png")));
+    let picture = decoder.read_info().expect("a PNG file");
+    assert!(picture.info().width as usize > 4 * WIDTH);
+    let named = ["sheet", "room", "-o", "no.png", "--filters", "kan2017"];
+    place.fails(1, &named, &["worldPosition"]);
+}
+
+#[test]
+fn png_results_and_listings() {
+    let place = Place::new();
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.png", "--filter", "bilateral"]);
+    assert!(place.bytes("out.png").starts_with(b"\x89PNG"));
+    let list = json(&place.done(&["filters", "--json"]));
+    let names: Vec<&str> =
+        list.as_array().expect("a list").iter().filter_map(|f| f["name"].as_str()).collect();
+    assert!(names.contains(&"kan2017") && names.contains(&"bilateral"), "{names:?}");
+    assert!(place.done(&["filters", "bilateral"]).contains("distance2(color, color)"));
+    let language = place.done(&["language"]);
+    for word in ["distanceMax(a, b)", "secTexVariance", "tricube(x)", "Albedo.R"] {
+        assert!(language.contains(word), "no {word} in: {language}");
+    }
+}
+
+#[test]
+fn nobody_listening_is_no_error() {
+    let place = Place::new();
+    let mut command = place.program(&["language"]);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("the program starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("the program ends");
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", stderr(&output));
+}
+
+/// A search of a few seconds at most.
+const TINY: [&str; 10] = [
+    "evolve",
+    "--scenes",
+    "room",
+    "--radius",
+    "2",
+    "--islands",
+    "2",
+    "--island-size",
+    "6",
+    "--finalists",
+];
+
+fn tiny<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut arguments = TINY.to_vec();
+    arguments.extend(["3", "--out", out]);
+    arguments.extend(more);
+    arguments
+}
+
+#[test]
+fn a_search_finds_the_same_filter_however_it_is_run() {
+    let place = Place::new();
+    let text = place.done(&tiny("one", &["--generations", "4", "--threads", "1"]));
+    assert!(text.contains("training error") && text.contains("kan2017"), "{text}");
+    place.done(&tiny("two", &["--generations", "4", "--threads", "2"]));
+    place.done(&tiny("resumed", &["--generations", "2"]));
+    let resume =
+        ["evolve", "--scenes", "room", "--out", "resumed", "--resume", "--generations", "4"];
+    place.done(&resume);
+    for file in ["best.toml", "history.csv"] {
+        let bytes = place.bytes(&format!("one/{file}"));
+        assert!(place.bytes(&format!("two/{file}")) == bytes, "{file} with two threads");
+        assert!(place.bytes(&format!("resumed/{file}")) == bytes, "{file} after a resume");
+    }
+
+    let file = String::from_utf8(place.bytes("one/best.toml")).expect("UTF-8");
+    let file: toml::Table = file.parse().expect("TOML");
+    let training = &file["training"];
+    assert_eq!(training["seed"].as_integer(), Some(1));
+    assert_eq!(training["parameters"]["island_size"].as_integer(), Some(6));
+    assert_eq!(training["scenes"][0]["name"].as_str(), Some("room"));
+    let error = training["error"].as_float().expect("a number");
+    assert!(error < training["scenes"][0]["noisy-rel-mse"].as_float().expect("a number"));
+    let summary = String::from_utf8(place.bytes("one/summary.md")).expect("UTF-8");
+    let weight = file["stage"][0]["weight"].as_str().expect("text");
+    assert!(summary.contains(weight) && summary.contains("What the filters look at"));
+
+    // What was reported is what the file does.
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", "one/best.toml"]);
+    let measured = json(&place.done(&["compare", "out.exr", "room/reference.exr", "--json"]));
+    let measured = measured["rel_mse"].as_f64().expect("a number");
+    assert!((measured / error - 1.0).abs() < 1e-9, "{measured} is not {error}");
+}
+
+#[test]
+fn a_search_leaves_out_what_its_scenes_lack() {
+    let place = Place::new();
+    let output = place.run(&tiny("out", &["--generations", "0", "--backend", "interp"]));
+    let log = stderr(&output);
+    assert!(output.status.success(), "{log}");
+    assert!(log.contains("not used") && log.contains("secTexture"), "{log}");
+    let file = String::from_utf8(place.bytes("out/best.toml")).expect("UTF-8");
+    assert!(file.contains("\"worldPosition\"") && !file.contains("\"normal\""), "{file}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_search_writes_its_best_so_far() {
+    let place = Place::new();
+    let mut command = place.program(&tiny("out", &["--generations", "1000000"]));
+    let mut child =
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let log = BufReader::new(child.stderr.take().expect("it is piped"));
+    let interrupt = || {
+        let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        assert!(kill.expect("there is a kill command").success());
+    };
+    let mut said = Vec::new();
+    for line in log.lines() {
+        let line = line.expect("UTF-8");
+        if said.is_empty() && line.starts_with("generation") {
+            interrupt();
+            said.push(line);
+        } else if !said.is_empty() {
+            said.push(line);
+        }
+    }
+    let output = child.wait_with_output().expect("the program ends");
+    assert!(output.status.success(), "{said:?}");
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    assert!(text.contains("search stopped by the user"), "{text} {said:?}");
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", "out/best.toml"]);
+    assert!(place.path("out/checkpoint.json").is_file());
+}
+
+#[test]
+fn a_search_keeps_to_its_time() {
+    let place = Place::new();
+    let text = place.done(&tiny("out", &["--generations", "1000000", "--max-time", "1"]));
+    assert!(text.contains("stopped by the time limit"), "{text}");
+}
