@@ -201,31 +201,12 @@ mod tests {
     use super::super::elementary::suite;
     use super::*;
 
-    macro_rules! conforms {
-        ($($name:ident: $function:ident)*) => {
-            $(#[test]
-            fn $name() {
-                suite::check($function);
-            })*
-
-            /// Every `f32`, for the table in the module's documentation.
-            mod every_float {
-                use super::*;
-                $(#[test]
-                #[ignore = "takes minutes"]
-                fn $name() {
-                    suite::check_all(stringify!($name), $function);
-                })*
-            }
-        };
-    }
-
-    conforms!(
-        mitchell_conforms: MITCHELL
-        sinc_conforms: SINC
-        epanechnikov_conforms: EPANECHNIKOV
-        biweight_conforms: BIWEIGHT
-        tricube_conforms: TRICUBE
+    suite::conforms!(
+        mitchell: MITCHELL
+        sinc: SINC
+        epanechnikov: EPANECHNIKOV
+        biweight: BIWEIGHT
+        tricube: TRICUBE
     );
 
     #[test]

@@ -83,26 +83,7 @@ mod tests {
     use super::super::function::{Binary, Unary};
     use super::*;
 
-    macro_rules! conforms {
-        ($($name:ident: $function:ident)*) => {
-            $(#[test]
-            fn $name() {
-                suite::check($function);
-            })*
-
-            /// Every `f32`, for the table in the module's documentation.
-            mod every_float {
-                use super::*;
-                $(#[test]
-                #[ignore = "takes minutes"]
-                fn $name() {
-                    suite::check_all(stringify!($name), $function);
-                })*
-            }
-        };
-    }
-
-    conforms!(exp: EXP sin: SIN cos: COS tan: TAN asin: ASIN acos: ACOS atan: ATAN sqrt: SQRT);
+    suite::conforms!(exp: EXP sin: SIN cos: COS tan: TAN asin: ASIN acos: ACOS atan: ATAN sqrt: SQRT);
 
     /// Random bit patterns seldom have a power that is neither 0 nor clamped:
     /// these exponents make one that is spread evenly over all magnitudes.
