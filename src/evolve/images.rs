@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::fitness::Fitness;
 use super::rng;
+use super::settings::Settings;
 use crate::backend::{Backend, BackendError, Rect};
 use crate::expr::Tree;
 use crate::plan::{Passes, Plan, PlanError, Window};
@@ -61,18 +62,29 @@ pub enum Coverage {
     },
 }
 
+impl Coverage {
+    /// The coverage that settings ask for.
+    pub fn of(settings: &Settings) -> Self {
+        if settings.share < 1.0 {
+            Self::Share { share: settings.share, seed: settings.seed }
+        } else {
+            Self::Full
+        }
+    }
+}
+
 /// Tiles are wide and low: vector code works along rows.
 const TILE: (usize, usize) = (64, 2);
 
 /// Judges expressions by the sum over scenes of the relative mean square error.
-pub struct ImageFitness {
+pub struct ImageFitness<'a> {
     scenes: Vec<TrainingScene>,
     tiles: Vec<Vec<Rect>>,
     coverage: Coverage,
     facts: Facts,
     window: Window,
     passes: Passes,
-    backend: Box<dyn Backend + Send>,
+    backend: &'a dyn Backend,
 }
 
 /// Why an expression could not be judged in a report.
@@ -95,13 +107,13 @@ pub struct SceneErrors {
     pub metrics: metric::Metrics,
 }
 
-impl ImageFitness {
+impl<'a> ImageFitness<'a> {
     /// A fitness over scenes, all loaded with padding for the window.
     pub fn new(
         scenes: Vec<TrainingScene>,
         window: Window,
         coverage: Coverage,
-        backend: Box<dyn Backend + Send>,
+        backend: &'a dyn Backend,
     ) -> Self {
         let tiles = scenes
             .iter()
@@ -174,7 +186,7 @@ impl ImageFitness {
     }
 }
 
-impl Fitness for ImageFitness {
+impl Fitness for ImageFitness<'_> {
     type Error = std::convert::Infallible;
 
     fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {

@@ -51,6 +51,9 @@ pub struct Settings {
     pub forbidden: Vec<String>,
     /// The window's radius that expressions are judged with.
     pub radius: u32,
+    /// Share of the training pixels that breeding looks at, in tiles spread
+    /// over the images; 1 for all (the paper). Finalists are judged on all.
+    pub share: f64,
     /// How many of the best expressions are judged in full at the end.
     pub finalists: usize,
     /// Most expressions that the fitness gets at once. Between batches the
@@ -124,6 +127,7 @@ impl Preset {
             initial_mutations: 1,
             forbidden: Vec::new(),
             radius: 10,
+            share: 1.0,
             finalists: 16,
             batch: 64,
         };
@@ -136,6 +140,7 @@ impl Preset {
                 max_nodes: 100,
                 max_depth: 30,
                 initial_mutations: 3,
+                share: 0.1,
                 finalists: 8,
                 ..paper
             },
@@ -191,6 +196,13 @@ impl Settings {
                 let value = value.to_string();
                 return Err(Error::Setting { name, value, wanted: never_negative });
             }
+        }
+        if !(self.share > 0.0 && self.share <= 1.0) {
+            return Err(Error::Setting {
+                name: "share",
+                value: self.share.to_string(),
+                wanted: "a share of the pixels is above 0 and at most 1",
+            });
         }
         let shares = self.reproduction + self.crossover + self.mutation;
         if (shares - 1.0).abs() > 1e-6 {

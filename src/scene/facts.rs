@@ -58,17 +58,27 @@ impl Fact {
 
 /// The range of a plane's pixels; everything if one of them is a NaN.
 fn range(samples: &Samples) -> Interval {
-    let (mut lo, mut hi) = (f32::INFINITY, f32::NEG_INFINITY);
+    // Eight running bounds: a single one would wait for itself at every pixel.
+    let (mut lo, mut hi) = ([f32::INFINITY; 8], [f32::NEG_INFINITY; 8]);
+    let mut is_nan = false;
     for y in 0..samples.layout().height() {
-        for &x in samples.pixels(y) {
-            if x.is_nan() {
-                return Interval::ENTIRE;
-            }
-            lo = lo.min(x);
-            hi = hi.max(x);
+        let (groups, rest) = samples.pixels(y).as_chunks::<8>();
+        let mut widen = |k: usize, x: f32| {
+            lo[k] = if x < lo[k] { x } else { lo[k] };
+            hi[k] = if x > hi[k] { x } else { hi[k] };
+            is_nan |= x.is_nan();
+        };
+        for group in groups {
+            group.iter().enumerate().for_each(|(k, &x)| widen(k, x));
         }
+        rest.iter().enumerate().for_each(|(k, &x)| widen(k, x));
     }
-    Interval::new(lo, hi)
+    if is_nan {
+        return Interval::ENTIRE;
+    }
+    let bounds = lo.into_iter().zip(hi).map(|(lo, hi)| Interval { lo, hi });
+    // Bounds that saw no pixel are inside out, which a hull does not notice.
+    bounds.reduce(Interval::hull).map_or(Interval::ENTIRE, |all| Interval::new(all.lo, all.hi))
 }
 
 /// The facts of every plane that a scene, or all of several, provides.

@@ -4,7 +4,6 @@ mod page;
 mod parameters;
 mod progress;
 mod record;
-mod stand_in;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -21,16 +20,16 @@ use super::options::BackendChoice;
 use super::{resolve, scenes};
 use crate::backend::Backend;
 use crate::evolve::{
-    Checkpoint, Checkpoints, Control, Fitness, Outcome, Preset, Search, Settings, history,
+    Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Preset, Search,
+    Settings, TrainingScene, history,
 };
 use crate::expr::{Feature, PlaneId};
-use crate::plan::{Filter, Passes};
+use crate::plan::{Filter, Passes, Window};
 use crate::report::{Format, ScoreTable, Total, number};
 use crate::scene::{Fact, Facts, Image, LoadOptions, Needs, Scene, SceneFiles, write_atomically};
 use parameters::Parameters;
 use progress::Progress;
 use record::Origin;
-use stand_in::SceneFitness;
 
 /// What a bred filter is compared with at the end.
 const RIVALS: [&str; 3] = ["bilateral", "cross-bilateral", "kan2017"];
@@ -118,7 +117,9 @@ impl Evolve {
         if checkpoint.is_none() {
             forbid_absent(&mut settings, &training, log);
         }
-        let fitness = SceneFitness::new(training, &*backend, &settings);
+        let window = Window::dense(settings.radius);
+        let coverage = Coverage::of(&settings);
+        let fitness = ImageFitness::new(training, window, coverage, &*backend);
         let mut search = match checkpoint {
             Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), &fitness)?,
             None => Search::new(settings.clone(), &fitness)?,
@@ -220,7 +221,7 @@ impl Evolve {
 }
 
 /// The training scenes with all that they have, and their references.
-fn load(files: &[SceneFiles], settings: &Settings, log: Log) -> Result<Vec<(Scene, Image)>, Error> {
+fn load(files: &[SceneFiles], settings: &Settings, log: Log) -> Result<Vec<TrainingScene>, Error> {
     let mut training = Vec::with_capacity(files.len());
     for scene in files {
         let pad = settings.radius as usize;
@@ -228,15 +229,15 @@ fn load(files: &[SceneFiles], settings: &Settings, log: Log) -> Result<Vec<(Scen
         for note in noisy.notes() {
             log.say(format_args!("{}: {note}", scene.noisy.display()));
         }
-        training.push((noisy, Image::load(&scene.reference)?));
+        training.push(TrainingScene::new(noisy, Image::load(&scene.reference)?)?);
     }
     Ok(training)
 }
 
 /// Takes what some scene lacks out of the search's vocabulary: a filter that
 /// reads it could not be judged.
-fn forbid_absent(settings: &mut Settings, training: &[(Scene, Image)], log: Log) {
-    let facts = Facts::of_all(training.iter().map(|(scene, _)| scene));
+fn forbid_absent(settings: &mut Settings, training: &[TrainingScene], log: Log) {
+    let facts = Facts::of_all(training.iter().map(TrainingScene::scene));
     let terms = Feature::terms().filter(|&(feature, _)| feature != Feature::Pixel);
     let absent = terms.filter(|&(feature, quantity)| {
         PlaneId::of(feature, quantity).any(|plane| facts.get(plane) == Fact::Absent)

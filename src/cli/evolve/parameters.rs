@@ -39,6 +39,8 @@ const PARAMETERS: &[Parameter] = parameters! {
         "Generations after the initial population";
     "radius" "PIXELS" radius:
         "Window radius that filters are bred with";
+    "share" "SHARE" share:
+        "Share of the training pixels that breeding looks at, in tiles; 1 for all";
     "islands" "N" islands:
         "Populations that breed apart";
     "island-size" "N" island_size:

@@ -19,7 +19,7 @@ pub const EXP: Unary = Unary {
         enclosure(EXP.budget, (EXP.meaning)(x.lo.into()), (EXP.meaning)(x.hi.into()))
             .clamped(0.0, LIMIT)
     },
-    budget: Budget { ulp: 1.1, absolute: f32::MIN_POSITIVE as f64 },
+    budget: Budget { ulp: 1.0, absolute: f32::MIN_POSITIVE as f64 },
 };
 
 /// The greatest `f32` whose exponential is at most [`LIMIT`].

@@ -4,11 +4,12 @@
 //! large a *relative* error in the result, so an `f32` logarithm would lose
 //! seven bits. The logarithm and the product are therefore carried in two parts.
 //!
-//! Measured for a base that is not negative, over results of all magnitudes:
+//! Measured for a base that is not negative, over results of all magnitudes (the
+//! time on four lanes with four chains interleaved):
 //!
 //! | logarithm and product | primitives | time | worst | mean |
 //! |---|---|---|---|---|
-//! | in `f32` | 31 | 1.0 | 300 ulp | 12 ulp |
+//! | in `f32` | 30 | 1.0 | 300 ulp | 12 ulp |
 //! | in two parts | 48 | 1.4-1.5 | 3 ulp | 0.3 ulp |
 //!
 //! The second is what stands here. It has a further use: with a constant base

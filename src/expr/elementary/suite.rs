@@ -19,6 +19,28 @@ type Row = [f32; LANES];
 
 const EVERYTHING: Interval = Interval { lo: -LIMIT, hi: LIMIT };
 
+/// The tests of unary functions, as `name: CONSTANT`: one that always runs, and one
+/// over every `f32`, ignored unless asked for.
+macro_rules! conforms {
+    ($($name:ident: $function:ident)*) => {
+        $(#[test]
+        fn $name() {
+            $crate::expr::elementary::suite::check($function);
+        })*
+
+        /// For the table in the module's documentation.
+        mod every_float {
+            use super::*;
+            $(#[test]
+            #[ignore = "takes minutes"]
+            fn $name() {
+                $crate::expr::elementary::suite::check_all(stringify!($name), $function);
+            })*
+        }
+    };
+}
+pub(in crate::expr) use conforms;
+
 /// Checks a unary function on probes and a million random bit patterns.
 pub(in crate::expr) fn check(f: Unary) {
     let mut random = Random(1);

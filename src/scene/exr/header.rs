@@ -259,6 +259,10 @@ pub(super) fn guarded<T>(
             Err(SceneError::Io { path: path.to_owned(), action: "read", source })
         }
         Ok(Err(exr::error::Error::NotSupported(what))) => Err(unsupported(path, &what)),
+        // The crate's words for an unexpected end of the file.
+        Ok(Err(exr::error::Error::Invalid(what))) if what == "reference to missing bytes" => {
+            Err(corrupt("it ends too early".to_owned()))
+        }
         Ok(Err(exr::error::Error::Invalid(what))) => Err(corrupt(what.into_owned())),
         Ok(Err(exr::error::Error::Aborted)) => Err(corrupt("reading was aborted".to_owned())),
         Err(_) => Err(corrupt("its contents break the decoder's assumptions".to_owned())),
