@@ -20,7 +20,7 @@ pub(super) enum Error {
     Scene(#[from] SceneError),
     /// A filter file.
     #[error(transparent)]
-    FilterFile(#[from] FilterFileError),
+    FilterFile(Box<FilterFileError>),
     /// The search.
     #[error(transparent)]
     Search(#[from] evolve::Error),
@@ -83,6 +83,12 @@ pub(super) enum Error {
     /// The results could not be printed.
     #[error("cannot write to stdout: {0}")]
     Stdout(io::Error),
+}
+
+impl From<FilterFileError> for Error {
+    fn from(error: FilterFileError) -> Self {
+        Self::FilterFile(Box::new(error))
+    }
 }
 
 impl Error {
