@@ -220,7 +220,8 @@ fn errors_name_what_is_at_fault_and_leave_nothing_behind() {
     place.fails(1, &nowhere, &["no/such/out.exr"]);
     place.fails(1, &["compare", "room/4spp.exr", "missing.exr"], &["missing.exr"]);
     place.fails(1, &["inspect", "text.exr"], &["text.exr"]);
-    place.fails(1, &["score", "--scenes", "nowhere"], &["nowhere"]);
+    place.fails(1, &["score", "--scenes", "nowhere"], &["nowhere", "NOISY.exr,REFERENCE.exr"]);
+    place.fails(1, &["evolve"], &["data/train"]);
     place.fails(1, &["evolve", "--resume", "--scenes", "room"], &["checkpoint.json"]);
 }
 

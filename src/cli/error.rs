@@ -18,6 +18,15 @@ pub(super) enum Error {
     /// A scene or an image.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// What `--scenes` names is not there.
+    #[error(
+        "{path}: no such file or folder; name folders with 4spp.exr and reference.exr in them, or \
+         NOISY.exr,REFERENCE.exr"
+    )]
+    NoSuchScenes {
+        /// The argument.
+        path: String,
+    },
     /// A filter file.
     #[error(transparent)]
     FilterFile(Box<FilterFileError>),
@@ -97,6 +106,7 @@ impl Error {
         match self {
             Self::Usage(_) | Self::Search(evolve::Error::Setting { .. }) => 2,
             Self::Scene(_)
+            | Self::NoSuchScenes { .. }
             | Self::FilterFile(_)
             | Self::Search(_)
             | Self::Plan { .. }
