@@ -90,8 +90,11 @@ class Stage:
         self.parts = {}
         self.cache = {}
 
-    def add(self, mesh, material, glow=None):
-        """A mesh; with `glow` (radiance, a colour or a number) it is a visible light."""
+    def add(self, mesh, material, glow=None, share=1.0):
+        """A mesh; with `glow` (radiance, a colour or a number) it is a visible light.
+
+        Lights are picked for sampling in proportion to `share`: below 1 for lamps that add little light.
+        """
         name = f"part{len(self.parts):04d}"
         # Sharing one BSDF between meshes keeps the compiled kernels small.
         if id(material) not in self.cache:
@@ -99,7 +102,7 @@ class Stage:
         props = mi.Properties()
         props["bsdf"] = self.cache[id(material)][0]
         if glow is not None:
-            props["emitter"] = mi.load_dict({"type": "area", "radiance": texture(glow)})
+            props["emitter"] = mi.load_dict({"type": "area", "radiance": texture(glow), "sampling_weight": share})
         out = mi.Mesh(
             name,
             len(mesh.v),

@@ -25,7 +25,7 @@ from shapes import (
 
 RENDERER = "cycles"
 SIZE = (312, 208)
-REFERENCE_SPP = 192
+REFERENCE_SPP = 320
 EXPOSURE = 1.0
 CLAMP = 8.0
 MAX_DEPTH = 12

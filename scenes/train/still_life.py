@@ -178,8 +178,8 @@ def build():
     stage.add(rounded_box(1.6, 1.1, 0.5, 0.08).turned("z", 30).moved(2.0, 0.6, 0.03), plastic(tex.wood(512, 4), 0.08))
     # Visible lights: the candle's flame in focus' reach, and a string of small lamps far out of it.
     flame = lathe([(0, 0), (0.09, 0.12), (0.07, 0.28), (0, 0.5)], 16)
-    stage.add(flame.moved(-2.3, 3.6, 2.88), diffuse(0.0), glow=(24, 14, 5))
+    stage.add(flame.moved(-2.3, 3.6, 2.88), diffuse(0.0), glow=(24, 14, 5), share=0.1)
     lamps = [(x, 17.5, 3.2 + 0.45 * np.cos(1.4 * x)) for x in np.arange(-8, 9, 0.9)]
-    stage.add(scattered(sphere(0.1, 12), lamps), diffuse(0.0), glow=(26, 19, 11))
+    stage.add(scattered(sphere(0.1, 12), lamps), diffuse(0.0), glow=(14, 10, 6), share=0.1)
     stage.camera((0.2, -7.5, 2.9), (0, 1.8, 0.75), 40, aperture=0.19, focus=(0, 1.6, 0.7))
     return stage

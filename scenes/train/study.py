@@ -213,6 +213,6 @@ def build():
     spots = [(-1.05, 2.9, 1.66), (0.95, 2.9, 1.66)]
     bracket = lathe([(0, 0), (0.05, 0), (0.02, 0.03), (0.015, 0.1)], 24).turned("x", 90)
     stage.add(scattered(bracket, np.add(spots, (0, 0.09, -0.04))), metal("Au", 0.15))
-    stage.add(scattered(sphere(0.045, 24), spots), diffuse(0.0), glow=(15, 11, 6.5))
+    stage.add(scattered(sphere(0.045, 24), spots), diffuse(0.0), glow=(15, 11, 6.5), share=0.15)
     stage.camera((-0.7, -2.1, 1.5), (0.55, 1.6, 0.9), 64)
     return stage
