@@ -237,6 +237,7 @@ fn a_wrong_command_line_is_told_from_failed_work() {
     place.fails(2, &["denoise", "room/4spp.exr"], &["--output"]);
     place.fails(2, &with(&["--filter", "bilatral"]), &["bilatral", "cross-bilateral"]);
     place.fails(2, &with(&["--filter", "exp(normal)"]), &["exp(normal)", "    ^"]);
+    place.fails(2, &with(&["--filter", "normal"]), &["distance2(normal, normal)"]);
     place.fails(2, &with(&["--backend", "gpu"]), &["gpu", "interp"]);
     place.fails(2, &with(&["--radius", "129"]), &["129", "128"]);
     place.fails(2, &with(&["--without", "luck"]), &["luck", "share"]);
