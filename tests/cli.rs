@@ -220,7 +220,8 @@ fn errors_name_what_is_at_fault_and_leave_nothing_behind() {
     place.fails(1, &nowhere, &["no/such/out.exr"]);
     place.fails(1, &["compare", "room/4spp.exr", "missing.exr"], &["missing.exr"]);
     place.fails(1, &["inspect", "text.exr"], &["text.exr"]);
-    place.fails(1, &["score", "--scenes", "nowhere"], &["nowhere"]);
+    place.fails(1, &["score", "--scenes", "nowhere"], &["nowhere", "NOISY.exr,REFERENCE.exr"]);
+    place.fails(1, &["evolve"], &["data/train"]);
     place.fails(1, &["evolve", "--resume", "--scenes", "room"], &["checkpoint.json"]);
 }
 
@@ -236,6 +237,7 @@ fn a_wrong_command_line_is_told_from_failed_work() {
     place.fails(2, &["denoise", "room/4spp.exr"], &["--output"]);
     place.fails(2, &with(&["--filter", "bilatral"]), &["bilatral", "cross-bilateral"]);
     place.fails(2, &with(&["--filter", "exp(normal)"]), &["exp(normal)", "    ^"]);
+    place.fails(2, &with(&["--filter", "normal"]), &["distance2(normal, normal)"]);
     place.fails(2, &with(&["--backend", "gpu"]), &["gpu", "interp"]);
     place.fails(2, &with(&["--radius", "129"]), &["129", "128"]);
     place.fails(2, &with(&["--without", "luck"]), &["luck", "share"]);

@@ -18,9 +18,18 @@ pub(super) enum Error {
     /// A scene or an image.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// What `--scenes` names is not there.
+    #[error(
+        "{path}: no such file or folder; name folders with 4spp.exr and reference.exr in them, or \
+         NOISY.exr,REFERENCE.exr"
+    )]
+    NoSuchScenes {
+        /// The argument.
+        path: String,
+    },
     /// A filter file.
     #[error(transparent)]
-    FilterFile(#[from] FilterFileError),
+    FilterFile(Box<FilterFileError>),
     /// The search.
     #[error(transparent)]
     Search(#[from] evolve::Error),
@@ -85,12 +94,19 @@ pub(super) enum Error {
     Stdout(io::Error),
 }
 
+impl From<FilterFileError> for Error {
+    fn from(error: FilterFileError) -> Self {
+        Self::FilterFile(Box::new(error))
+    }
+}
+
 impl Error {
     /// The exit status that says so.
     pub(super) fn status(&self) -> u8 {
         match self {
             Self::Usage(_) | Self::Search(evolve::Error::Setting { .. }) => 2,
             Self::Scene(_)
+            | Self::NoSuchScenes { .. }
             | Self::FilterFile(_)
             | Self::Search(_)
             | Self::Plan { .. }

@@ -63,8 +63,7 @@ struct ChannelEntry {
     #[serde(rename = "type")]
     kind: String,
     feeds: Option<String>,
-    /// `None` if it cannot be decoded.
-    samples: Option<SamplesEntry>,
+    samples: SamplesEntry,
 }
 
 #[derive(Serialize)]
@@ -208,7 +207,7 @@ impl LayerEntry {
         ]);
         for channel in &self.channels {
             let bound = |pick: fn(&SamplesEntry) -> Option<f32>| {
-                channel.samples.as_ref().and_then(pick).map_or("-".to_owned(), number::sample)
+                pick(&channel.samples).map_or("-".to_owned(), number::sample)
             };
             table.row([
                 channel.name.clone(),
@@ -216,7 +215,7 @@ impl LayerEntry {
                 channel.feeds.clone().unwrap_or_else(|| "-".to_owned()),
                 bound(|samples| samples.min),
                 bound(|samples| samples.max),
-                channel.samples.as_ref().map_or("not decoded".to_owned(), SamplesEntry::remarks),
+                channel.samples.remarks(),
             ]);
         }
         text.push_str(&table.render(Format::Plain));
@@ -260,7 +259,7 @@ fn entry(
         name: channel.name.clone(),
         kind: channel.kind.to_string(),
         feeds: roles.get(channel.name.as_str()).map(PlaneId::to_string),
-        samples: scans.get(&channel.name).map(SamplesEntry::new),
+        samples: SamplesEntry::new(&scans[&channel.name]),
     }
 }
 

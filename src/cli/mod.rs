@@ -3,7 +3,7 @@
 //! What holds of every command:
 //! - What it finds out goes to stdout, and nothing else does: a command
 //!   *returns* its text, and [`main`] prints it. Progress and remarks go to
-//!   stderr, through [`Log`].
+//!   stderr, through `Log`.
 //! - The exit status is 0 if the work is done, 1 if it failed, 2 if the command
 //!   line is wrong.
 //! - Errors name the file or the option at fault and say what to do.

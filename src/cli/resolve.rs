@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::error::Error;
 use super::shipped;
-use crate::expr::codebook;
 use crate::expr::text::parse_scalar;
+use crate::expr::{Feature, codebook};
 use crate::plan::{Filter, Window};
 
 /// The names that `--filter` knows.
@@ -57,9 +57,9 @@ fn find(text: &str) -> Result<Filter, Error> {
         Err(error) => error,
     };
     let names = names().join(", ");
-    // One word is hardly an expression: where it goes wrong as one tells nothing.
+    // One unknown word is hardly an expression: where it goes wrong as one tells nothing.
     let word = text.chars().all(|c| c.is_alphanumeric() || "-_./\\".contains(c));
-    Err(Error::Usage(if word {
+    Err(Error::Usage(if word && Feature::parse(text).is_none() {
         format!("--filter: there is no filter or file `{text}`; filters: {names}")
     } else {
         format!(

@@ -14,6 +14,9 @@ pub(super) fn find(arguments: &[PathBuf]) -> Result<Vec<SceneFiles>, Error> {
     for argument in arguments {
         let found = match pair(argument) {
             Some((noisy, reference)) => vec![SceneFiles::of(&noisy, &reference)],
+            None if !argument.exists() => {
+                return Err(Error::NoSuchScenes { path: argument.display().to_string() });
+            }
             None => discover(&[argument])?,
         };
         for scene in found {

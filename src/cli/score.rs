@@ -1,6 +1,6 @@
 //! `tamis score`: filters on scenes, in one table.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -65,9 +65,37 @@ impl Score {
     }
 }
 
-/// The filters that texts stand for; all that have names, if there are none.
+/// The filters that texts stand for, under names of their own; all filters that
+/// have names, if there are no texts.
 pub(super) fn filters(texts: &[String], radius: Option<u32>) -> Result<Vec<Filter>, Error> {
     let all = names();
     let texts = if texts.is_empty() { &all } else { texts };
-    texts.iter().map(|text| resolve(text, radius)).collect()
+    let filters: Result<Vec<Filter>, Error> =
+        texts.iter().map(|text| resolve(text, radius)).collect();
+    let filters = filters?;
+    let distinct = filters.iter().zip(texts).enumerate().map(|(k, (filter, text))| {
+        let namesakes = filters.iter().filter(|other| other.name == filter.name).count();
+        let name = match namesakes {
+            1 => filter.name.clone(),
+            // Every search calls what it bred the same.
+            _ if Path::new(text).is_file() => text.clone(),
+            _ => format!("{} {}", filter.name, k + 1),
+        };
+        Filter { name, ..filter.clone() }
+    });
+    Ok(distinct.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn filters_of_one_name_are_told_apart() {
+        let named = |texts: [&str; 3]| -> Vec<String> {
+            let filters = filters(&texts.map(str::to_owned), None).expect("they parse");
+            filters.into_iter().map(|filter| filter.name).collect()
+        };
+        assert_eq!(named(["1", "bilateral", "2"]), ["expression 1", "bilateral", "expression 3"]);
+    }
 }

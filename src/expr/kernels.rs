@@ -95,7 +95,9 @@ pub const SINC: Unary = Unary {
     },
     build: sinc,
     range: |x| {
-        let envelope = std::f32::consts::FRAC_1_PI / x.abs().lo * 1.000_001;
+        // A bound of -0 would make the envelope -inf.
+        let nearest = x.abs().lo.abs();
+        let envelope = std::f32::consts::FRAC_1_PI / nearest * 1.000_001;
         SINC_RANGE.clamped(-envelope, envelope)
     },
     budget: Budget { ulp: 4.5, absolute: 0.0 },
@@ -243,6 +245,12 @@ mod tests {
             assert_eq!((kernel.range)(beyond), Interval::point(0.0));
             assert_eq!((kernel.range)(-beyond), Interval::point(0.0));
         }
+    }
+
+    #[test]
+    fn the_range_of_sinc_takes_negative_zero_for_zero() {
+        let positive = (SINC.range)(Interval::new(0.0, 1.0));
+        assert_eq!((SINC.range)(Interval { lo: -0.0, hi: 1.0 }), positive);
     }
 
     /// Each of the three bumps has the integral 1; so has Mitchell.

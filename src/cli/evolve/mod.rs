@@ -111,9 +111,8 @@ impl Evolve {
         settings.validate()?;
         let backend = self.backend.open()?;
         let files = scenes::find(&self.scenes)?;
-        self.make_folder()?;
-
         let training = load(&files, &settings, log)?;
+        self.make_folder()?;
         if checkpoint.is_none() {
             forbid_absent(&mut settings, &training, log);
         }

@@ -80,37 +80,46 @@ fn frequencies(outcome: &Outcome) -> String {
         number::plural(islands.expressions, "expression"),
         number::plural(finalists.expressions, "finalist"),
     );
-    let kinds: [(&str, fn(&Summary) -> &[Frequency]); 2] =
-        [("term", |s| &s.terms), ("operator", |s| &s.operators)];
-    for (kind, of) in kinds {
-        let mut table = Table::new([
-            (kind, Align::Left),
-            ("islands", Align::Right),
-            ("finalists", Align::Right),
-            ("meaning", Align::Left),
-        ]);
-        let mut unused = Vec::new();
-        for row in of(&islands) {
-            let same = |other: &&Frequency| (other.name, other.doc) == (row.name, row.doc);
-            let twin = of(&finalists).iter().find(same).map_or(0, |twin| twin.expressions);
-            if row.expressions + twin == 0 {
-                unused.push(format!("`{}` ({})", row.name, meaning(row)));
-                continue;
-            }
-            table.row([
-                format!("`{}`", row.name),
-                number::percent(row.expressions, islands.expressions),
-                number::percent(twin, finalists.expressions),
-                meaning(row),
-            ]);
-        }
-        page.push_str(&table.render(Format::Markdown));
-        if !unused.is_empty() {
-            let _ = writeln!(page, "\nIn none: {}.", unused.join(", "));
-        }
-        page.push('\n');
-    }
+    let (bred, best) = (&islands.terms, &finalists.terms);
+    page.push_str(&shares("term", (&islands, bred), (&finalists, best)));
+    page.push('\n');
+    let (bred, best) = (&islands.operators, &finalists.operators);
+    page.push_str(&shares("operator", (&islands, bred), (&finalists, best)));
     page
+}
+
+/// How many of two sets of expressions use each of some symbols.
+fn shares(
+    kind: &str,
+    (islands, rows): (&Summary, &[Frequency]),
+    (finalists, twins): (&Summary, &[Frequency]),
+) -> String {
+    let mut table = Table::new([
+        (kind, Align::Left),
+        ("islands", Align::Right),
+        ("finalists", Align::Right),
+        ("meaning", Align::Left),
+    ]);
+    let mut unused = Vec::new();
+    for row in rows {
+        let same = |other: &&Frequency| (other.name, other.doc) == (row.name, row.doc);
+        let twin = twins.iter().find(same).map_or(0, |twin| twin.expressions);
+        if row.expressions + twin == 0 {
+            unused.push(format!("`{}` ({})", row.name, meaning(row)));
+            continue;
+        }
+        table.row([
+            format!("`{}`", row.name),
+            number::percent(row.expressions, islands.expressions),
+            number::percent(twin, finalists.expressions),
+            meaning(row),
+        ]);
+    }
+    let mut text = table.render(Format::Markdown);
+    if !unused.is_empty() {
+        let _ = writeln!(text, "\nIn none: {}.", unused.join(", "));
+    }
+    text
 }
 
 /// What a term or an operator is; terms that are made of a feature by its name.
