@@ -123,11 +123,11 @@ fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
                     };
                     let one = f32::from(u8::from(inside));
                     for (partial, w) in partial.iter_mut().zip(pair) {
-                        for c in 0..3 {
-                            partial[c] = w.mul_add(channel(c), partial[c]);
+                        let terms = [0, 1, 2].map(channel).map(|c| (w, c));
+                        let terms = terms.into_iter().chain([(w, one), (w.abs(), one)]);
+                        for (partial, (w, c)) in partial.iter_mut().zip(terms) {
+                            *partial = w.mul_add(c, *partial);
                         }
-                        partial[3] = w.mul_add(one, partial[3]);
-                        partial[4] = w.abs().mul_add(one, partial[4]);
                     }
                 }
                 for (sum, partial) in sums.iter_mut().flatten().zip(partial.iter().flatten()) {
@@ -172,13 +172,12 @@ fn check(backend: &dyn Backend, scene: &Scene, text: &str, window: Window) {
         if condition > 500.0 || exact.magnitude < 1e-25 {
             continue;
         }
-        for c in 0..3 {
+        for (c, &got) in got.iter().enumerate() {
             let scale = exact.color[c].abs().max(exact.brightest[c] * (condition - 1.0));
-            let error = (f64::from(got[c]) - exact.color[c]).abs();
+            let error = (f64::from(got) - exact.color[c]).abs();
             assert!(
                 error <= tamis::backend::ACCURACY * condition * scale.max(1e-30),
-                "{text}: pixel {k} channel {c} is {} instead of {} (condition {condition})",
-                got[c],
+                "{text}: pixel {k} channel {c} is {got} instead of {} (condition {condition})",
                 exact.color[c]
             );
         }

@@ -48,7 +48,39 @@ pub(super) struct Program {
 
 /// The slots of one thread.
 #[derive(Default)]
-pub(super) struct Slots(Vec<Vec<Chunk>>);
+pub(super) struct Slots(Vec<Block>);
+
+/// A run of chunks that starts on a cache line. A store that straddles two
+/// lines costs two, and every instruction of a tape stores a whole block.
+#[derive(Clone, Default)]
+pub(super) struct Block {
+    data: Vec<f32>,
+    /// Where the first line begins.
+    start: usize,
+    chunks: usize,
+}
+
+impl Block {
+    /// Makes room for so many chunks; what they hold is left open.
+    #[inline(always)]
+    pub(super) fn resize(&mut self, chunks: usize) {
+        if self.data.len() < (chunks + 1) * LANES {
+            self.data = vec![0.0; (chunks + 1) * LANES];
+            self.start = self.data.as_ptr().align_offset(size_of::<Chunk>()).min(LANES);
+        }
+        self.chunks = chunks;
+    }
+
+    #[inline(always)]
+    pub(super) fn chunks(&self) -> &[Chunk] {
+        self.data[self.start..][..self.chunks * LANES].as_chunks().0
+    }
+
+    #[inline(always)]
+    pub(super) fn chunks_mut(&mut self) -> &mut [Chunk] {
+        self.data[self.start..][..self.chunks * LANES].as_chunks_mut().0
+    }
+}
 
 /// A result of a block: one value per pixel, or one for all.
 #[derive(Clone, Copy)]
@@ -126,13 +158,20 @@ impl Program {
     #[inline(always)]
     pub(super) fn run(&self, inputs: &[Arg<'_>], slots: &mut Slots, chunks: usize) {
         if slots.0.len() < self.slots {
-            slots.0.resize(self.slots, Vec::new());
+            slots.0.resize(self.slots, Block::default());
         }
         for step in &self.steps {
             let mut out = std::mem::take(&mut slots.0[step.slot as usize]);
-            out.resize(chunks, [0.0; LANES]);
-            let args = step.args.map(|operand| fetch(operand, inputs, &slots.0));
-            apply(step.prim, args, &mut out);
+            out.resize(chunks);
+            // Spelt out: `map` on an array is a call of its own here.
+            let [a, b, c, d] = step.args;
+            let args = [
+                fetch(a, inputs, &slots.0),
+                fetch(b, inputs, &slots.0),
+                fetch(c, inputs, &slots.0),
+                fetch(d, inputs, &slots.0),
+            ];
+            apply(step.prim, args, out.chunks_mut());
             slots.0[step.slot as usize] = out;
         }
     }
@@ -145,9 +184,9 @@ impl Program {
 }
 
 #[inline(always)]
-fn fetch<'a>(operand: Operand, inputs: &[Arg<'a>], slots: &'a [Vec<Chunk>]) -> Arg<'a> {
+fn fetch<'a>(operand: Operand, inputs: &[Arg<'a>], slots: &'a [Block]) -> Arg<'a> {
     match operand {
-        Operand::Slot(slot) => Arg::Block(&slots[slot as usize]),
+        Operand::Slot(slot) => Arg::Block(slots[slot as usize].chunks()),
         Operand::Constant(x) => Arg::Splat(x),
         Operand::Input(input) => inputs[input as usize],
     }

@@ -1,6 +1,8 @@
 //! The interpreter: the reference that every other back end is compared with.
 
-use super::block::{Arg, BLOCK, Chunk, LANES, Program, Slots, accumulate, accumulate_magnitude};
+use super::block::{
+    Arg, BLOCK, Block as Sums, LANES, Program, Slots, accumulate, accumulate_magnitude,
+};
 use super::cpu::{CHANNELS, Frame, Rates, SumShape, Summer};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::tape::{Input, Side};
@@ -27,7 +29,7 @@ struct Pair {
 struct Scratch {
     slots: Slots,
     /// The sums of the current row of the window.
-    partial: Vec<Chunk>,
+    partial: Sums,
 }
 
 impl Backend for Interpreter {
@@ -120,8 +122,8 @@ impl pulp::WithSimd for Block<'_> {
             if y >= frame.layout.height() {
                 break;
             }
-            partial.clear();
-            partial.resize(results * chunks, [0.0; LANES]);
+            partial.resize(results * chunks);
+            partial.chunks_mut().fill([0.0; LANES]);
             for u in 0..frame.window.diameter() {
                 let there = frame.layout.index(self.x, y) + u * dilation - radius * dilation;
                 let tap = (v * frame.window.diameter() + u) * frame.taps;
@@ -136,7 +138,7 @@ impl pulp::WithSimd for Block<'_> {
                     });
                 }
                 program.run(&inputs, slots, chunks);
-                let mut partial = partial.chunks_exact_mut(chunks);
+                let mut partial = partial.chunks_mut().chunks_exact_mut(chunks);
                 for weight in 0..weights {
                     let w = program.result(weight, &inputs, slots);
                     for channel in frame.channels {
@@ -150,7 +152,7 @@ impl pulp::WithSimd for Block<'_> {
                     }
                 }
             }
-            for (result, partial) in partial.chunks_exact(chunks).enumerate() {
+            for (result, partial) in partial.chunks().chunks_exact(chunks).enumerate() {
                 let sums = self.sums[result * self.stride..].as_chunks_mut::<LANES>().0;
                 for (sum, partial) in sums.iter_mut().zip(partial) {
                     for lane in 0..LANES {

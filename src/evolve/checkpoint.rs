@@ -5,12 +5,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize, de};
 
 use super::error::Error;
-use super::file;
 use super::hall::HallOfFame;
 use super::history::Row;
 use super::islands::Population;
 use super::memo::Memo;
 use super::settings::Settings;
+use crate::scene::write_atomically;
 
 /// The layout of the file; raised with every change to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -103,6 +103,6 @@ impl Checkpoint {
     pub fn write(&self, path: &Path) -> Result<(), Error> {
         let json = serde_json::to_vec(self)
             .map_err(|source| Error::Checkpoint { path: path.to_owned(), source })?;
-        file::write(path, &json)
+        Ok(write_atomically(path, &json)?)
     }
 }

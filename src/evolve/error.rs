@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::expr::text::TextError;
+use crate::scene::SceneError;
 
 /// Everything that this floor's functions can fail with.
 #[derive(Debug, thiserror::Error)]
@@ -33,13 +34,8 @@ pub enum Error {
         source: io::Error,
     },
     /// A file cannot be written.
-    #[error("cannot write {}", path.display())]
-    Write {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    Write(#[from] SceneError),
     /// A file is no checkpoint.
     #[error("{} is not a checkpoint that this version can resume", path.display())]
     Checkpoint {

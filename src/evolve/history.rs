@@ -1,12 +1,8 @@
 //! The course of a run: a row per generation and island.
 
-use std::path::Path;
-
 use serde::{Deserialize, Serialize};
 
 use super::encoding;
-use super::error::Error;
-use super::file;
 use super::individual::Individual;
 use super::islands::best;
 use crate::expr::Tree;
@@ -89,11 +85,6 @@ pub fn csv(rows: &[Row]) -> String {
         csv.push('\n');
     }
     csv
-}
-
-/// Writes the rows as a CSV file.
-pub fn write_csv(rows: &[Row], path: &Path) -> Result<(), Error> {
-    file::write(path, csv(rows).as_bytes())
 }
 
 #[cfg(test)]

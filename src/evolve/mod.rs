@@ -61,7 +61,6 @@ pub mod crossover;
 mod encoding;
 pub mod error;
 pub mod event;
-mod file;
 pub mod fitness;
 pub mod hall;
 pub mod history;

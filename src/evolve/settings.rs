@@ -133,14 +133,19 @@ impl Preset {
         };
         match self {
             Self::Paper => paper,
+            // Two minutes are too short to put a cross-bilateral filter together
+            // from parts, so this one starts from there; with islands so small,
+            // tournaments of eight would leave one family on each.
             Self::Quick => Settings {
                 island_size: 40,
-                generations: 30,
+                generations: 34,
+                tournament: 5,
+                initial: "cross-bilateral".to_owned(),
                 mutations: MutationWeights { jitter: 2.0, ..paper.mutations },
                 max_nodes: 100,
                 max_depth: 30,
                 initial_mutations: 3,
-                share: 0.1,
+                share: 0.03,
                 finalists: 8,
                 ..paper
             },

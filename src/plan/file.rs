@@ -16,7 +16,6 @@
 //! stage with an option that this version lacks, would otherwise be applied
 //! with another meaning than its writer's.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -27,20 +26,12 @@ use crate::expr::text::TextError;
 /// The version of the format that this library writes.
 pub const VERSION: u32 = 1;
 
-/// Why a filter file could not be read or written.
+/// Why a filter file could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum FilterFileError {
     /// The file could not be read.
     #[error("{path}: cannot read the filter file: {source}", path = path.display())]
     Read {
-        /// Which file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file could not be written.
-    #[error("{path}: cannot write the filter file: {source}", path = path.display())]
-    Write {
         /// Which file.
         path: PathBuf,
         /// Why.
@@ -76,7 +67,7 @@ pub enum FilterFileError {
         /// Counted from 1.
         stage: usize,
         /// Where and why.
-        source: TextError,
+        source: Box<TextError>,
     },
     /// A window is empty or larger than is accepted.
     #[error("{path}: stage {stage} has radius {radius} and dilation {dilation}; the dilation must be at least 1 and their product at most {max}", path = path.display(), max = Window::MAX_RADIUS)]
@@ -149,10 +140,9 @@ impl Filter {
             {
                 return Err(FilterFileError::Window { path: path(), stage, radius, dilation });
             }
-            let weight = weight.parse().map_err(|source| FilterFileError::Weight {
-                path: path(),
-                stage,
-                source,
+            let weight = weight.parse().map_err(|source| {
+                let source = Box::new(source);
+                FilterFileError::Weight { path: path(), stage, source }
             })?;
             Ok(Stage { weight, window: Window { radius, dilation }, source })
         });
@@ -177,21 +167,6 @@ impl Filter {
             training,
         };
         toml::to_string(&file).expect("strings, numbers and tables are TOML")
-    }
-
-    /// Writes a filter file: the whole of it or nothing.
-    pub fn write(&self, path: &Path, training: toml::Table) -> Result<(), FilterFileError> {
-        let folder = match path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            Some(_) | None => Path::new("."),
-        };
-        let write = || -> std::io::Result<()> {
-            let mut file = tempfile::NamedTempFile::new_in(folder)?;
-            file.write_all(self.to_toml(training).as_bytes())?;
-            file.persist(path)?;
-            Ok(())
-        };
-        write().map_err(|source| FilterFileError::Write { path: path.to_owned(), source })
     }
 }
 
