@@ -163,15 +163,7 @@ impl Program {
         for step in &self.steps {
             let mut out = std::mem::take(&mut slots.0[step.slot as usize]);
             out.resize(chunks);
-            // Spelt out: `map` on an array is a call of its own here.
-            let [a, b, c, d] = step.args;
-            let args = [
-                fetch(a, inputs, &slots.0),
-                fetch(b, inputs, &slots.0),
-                fetch(c, inputs, &slots.0),
-                fetch(d, inputs, &slots.0),
-            ];
-            apply(step.prim, args, out.chunks_mut());
+            apply(step, inputs, &slots.0, out.chunks_mut());
             slots.0[step.slot as usize] = out;
         }
     }
@@ -247,23 +239,30 @@ macro_rules! by_kind {
 }
 
 #[inline(always)]
-fn apply(prim: Prim, [a, b, c, d]: [Arg<'_>; 4], out: &mut [Chunk]) {
-    match prim {
-        Prim::Neg => by_kind!(Neg, out; [] a unused 0.0 0.0 0.0),
-        Prim::Abs => by_kind!(Abs, out; [] a unused 0.0 0.0 0.0),
-        Prim::Sqrt => by_kind!(Sqrt, out; [] a unused 0.0 0.0 0.0),
-        Prim::Round => by_kind!(Round, out; [] a unused 0.0 0.0 0.0),
-        Prim::Exp2i => by_kind!(Exp2i, out; [] a unused 0.0 0.0 0.0),
-        Prim::Exponent => by_kind!(Exponent, out; [] a unused 0.0 0.0 0.0),
-        Prim::Mantissa => by_kind!(Mantissa, out; [] a unused 0.0 0.0 0.0),
-        Prim::Add => by_kind!(Add, out; [] a b unused 0.0 0.0),
-        Prim::Sub => by_kind!(Sub, out; [] a b unused 0.0 0.0),
-        Prim::Mul => by_kind!(Mul, out; [] a b unused 0.0 0.0),
-        Prim::Div => by_kind!(Div, out; [] a b unused 0.0 0.0),
-        Prim::Min => by_kind!(Min, out; [] a b unused 0.0 0.0),
-        Prim::Max => by_kind!(Max, out; [] a b unused 0.0 0.0),
-        Prim::Fma => by_kind!(Fma, out; [] a b c unused 0.0),
-        Prim::SelectLt => by_kind!(SelectLt, out; [] a b c d unused),
+fn apply(step: &Step, inputs: &[Arg<'_>], slots: &[Block], out: &mut [Chunk]) {
+    // Operands are fetched where they are used: a step pays for its own arity.
+    macro_rules! with {
+        ($prim:ident unused $($unused:literal)*; $($name:ident $index:literal),*) => {{
+            $(let $name = fetch(step.args[$index], inputs, slots);)*
+            by_kind!($prim, out; [] $($name)* unused $($unused)*)
+        }};
+    }
+    match step.prim {
+        Prim::Neg => with!(Neg unused 0.0 0.0 0.0; a 0),
+        Prim::Abs => with!(Abs unused 0.0 0.0 0.0; a 0),
+        Prim::Sqrt => with!(Sqrt unused 0.0 0.0 0.0; a 0),
+        Prim::Round => with!(Round unused 0.0 0.0 0.0; a 0),
+        Prim::Exp2i => with!(Exp2i unused 0.0 0.0 0.0; a 0),
+        Prim::Exponent => with!(Exponent unused 0.0 0.0 0.0; a 0),
+        Prim::Mantissa => with!(Mantissa unused 0.0 0.0 0.0; a 0),
+        Prim::Add => with!(Add unused 0.0 0.0; a 0, b 1),
+        Prim::Sub => with!(Sub unused 0.0 0.0; a 0, b 1),
+        Prim::Mul => with!(Mul unused 0.0 0.0; a 0, b 1),
+        Prim::Div => with!(Div unused 0.0 0.0; a 0, b 1),
+        Prim::Min => with!(Min unused 0.0 0.0; a 0, b 1),
+        Prim::Max => with!(Max unused 0.0 0.0; a 0, b 1),
+        Prim::Fma => with!(Fma unused 0.0; a 0, b 1, c 2),
+        Prim::SelectLt => with!(SelectLt unused; a 0, b 1, c 2, d 3),
     }
 }
 

@@ -25,7 +25,9 @@ mod tests {
     proptest! {
         #[test]
         fn variation_keeps_trees_well_formed_and_within_limits(seed in 0..u64::MAX) {
-            let settings = Settings { max_nodes: 40, max_depth: 10, ..Preset::Quick.settings() };
+            let initial = "bilateral".to_owned();
+            let quick = Preset::Quick.settings();
+            let settings = Settings { max_nodes: 40, max_depth: 10, initial, ..quick };
             let materials = Materials::new(&settings).unwrap();
             let mut rng = stream(seed, 0, 0, 0);
             let mut parent = materials.initial().clone();

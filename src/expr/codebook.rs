@@ -177,7 +177,7 @@ mod tests {
     fn filters_are_what_their_names_say() {
         assert_eq!(
             named("bilateral").expect("it is known").to_string(),
-            "exp(-pow(distance2(pixel, pixel), 2) / 50) * exp(-pow(distance2(color, color), 2) / 0.5)"
+            "exp(-pow(distance2(pixel, pixel), 2) / 1.5488) * exp(-pow(distance2(color, color), 2) / 4050)"
         );
         assert!(named("nothing").is_none());
         for filter in known() {
@@ -192,7 +192,7 @@ mod tests {
         for text in [
             "mitchell(distance2(normal, normal))",
             "sinc(distance2(pixel, pixel) / 10)",
-            "exp(-pow(distance2(texture, texture), 2) / 0.02)",
+            "exp(-pow(distance2(texture, texture), 2) / 0.0648)",
             "-pow(distance2(texture, texture), 2)",
             "distance2(depth, depth)",
             "2",

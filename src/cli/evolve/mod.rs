@@ -23,7 +23,7 @@ use crate::evolve::{
     Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Preset, Search,
     Settings, TrainingScene, history,
 };
-use crate::expr::{Feature, PlaneId};
+use crate::expr::{Feature, PlaneId, codebook};
 use crate::plan::{Filter, Passes, Window};
 use crate::report::{Format, ScoreTable, Total, number};
 use crate::scene::{Fact, Facts, Image, LoadOptions, Needs, Scene, SceneFiles, write_atomically};
@@ -115,6 +115,9 @@ impl Evolve {
         self.make_folder()?;
         if checkpoint.is_none() {
             forbid_absent(&mut settings, &training, log);
+            if !self.parameters.gives("initial") {
+                begin_with_what_is_there(&mut settings, log);
+            }
         }
         let window = Window::dense(settings.radius);
         let coverage = Coverage::of(&settings);
@@ -251,6 +254,26 @@ fn forbid_absent(settings: &mut Settings, training: &[TrainingScene], log: Log) 
         settings.forbidden.extend(names);
         settings.forbidden.sort();
         settings.forbidden.dedup();
+    }
+}
+
+/// Lets a search whose preset begins with a filter that reads what is not there
+/// begin with the paper's bilateral filter, which reads colour alone.
+fn begin_with_what_is_there(settings: &mut Settings, log: Log) {
+    let bilateral = Preset::Paper.settings().initial;
+    let reads = |term: &String| {
+        let initial = codebook::named(&settings.initial);
+        initial.is_some_and(|tree| {
+            let spellings = tree.symbols().iter().filter_map(|symbol| symbol.reads());
+            spellings.map(|(feature, quantity)| feature.spelling(quantity)).any(|s| s == Some(term))
+        })
+    };
+    if settings.forbidden.iter().any(reads) {
+        log.say(format_args!(
+            "beginning with `{bilateral}`: `{}` reads what the scenes lack",
+            settings.initial
+        ));
+        settings.initial = bilateral;
     }
 }
 

@@ -134,6 +134,11 @@ impl Parameters {
         }
     }
 
+    /// Whether the command line gives a parameter, by its flag's name.
+    pub(super) fn gives(&self, flag: &str) -> bool {
+        self.given.iter().any(|&(row, _)| PARAMETERS[row].flag == flag)
+    }
+
     /// The flags given that a search under way cannot obey.
     pub(super) fn fixed(&self) -> Vec<String> {
         let flags = self.given.iter().map(|(row, _)| PARAMETERS[*row].flag);
