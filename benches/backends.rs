@@ -10,7 +10,7 @@
 //! cargo bench --bench backends
 //! ```
 //!
-//! `FACTS` are the ratios of four-lane Cranelift code (four chains) to a block
+//! `PLANNED` holds the ratios of four-lane Cranelift code (four chains) to a block
 //! interpreter with 512-bit lanes that were measured when the project was
 //! planned: 2.3 / 2.1 for a cross-bilateral filter, 12.5 / 5.1 for the paper's
 //! with merged exponentials. The last column compares with them.
@@ -27,7 +27,7 @@ use tamis::scene::{Facts, LoadOptions, Needs, Scene};
 const RADIUS: u32 = 8;
 const ROUNDS: usize = 7;
 
-const FACTS: [(&str, f64); 2] = [("cross-bilateral", 2.3 / 2.1), ("kan2017", 12.5 / 5.1)];
+const PLANNED: [(&str, f64); 2] = [("cross-bilateral", 2.3 / 2.1), ("kan2017", 12.5 / 5.1)];
 
 struct Row {
     name: String,
@@ -86,8 +86,8 @@ fn measure(name: String, weight: &Tree, scene: &Scene, facts: &Facts, jit: &Jit)
 
 fn print(row: &Row) {
     let ratio = row.jit / row.interp;
-    let planned = FACTS.iter().find(|(name, _)| *name == row.name);
-    let against = planned.map_or(String::new(), |(_, fact)| format!("{:.2}", ratio / fact));
+    let planned = PLANNED.iter().find(|(name, _)| *name == row.name);
+    let against = planned.map_or(String::new(), |(_, plan)| format!("{:.2}", ratio / plan));
     println!(
         "{:<16} {:>8.2} {:>8.2} {:>10.2} {:>11.2} {:>10.1e} {:>14}",
         row.name, row.interp, row.jit, ratio, row.compile_ms, row.error, against
@@ -108,7 +108,7 @@ fn main() {
         println!("courtyard, radius {RADIUS}, one thread, medians of {ROUNDS} interleaved rounds");
         println!(
             "{:<16} {:>8} {:>8} {:>10} {:>11} {:>10} {:>14}",
-            "filter", "interp", "jit", "jit/interp", "compile, ms", "error", "ratio to FACTS"
+            "filter", "interp", "jit", "jit/interp", "compile, ms", "error", "against plan"
         );
         for known in codebook::known() {
             print(&measure(known.name.to_owned(), &known.weight, &scene, &facts, &jit));

@@ -20,7 +20,10 @@ pub(super) const LANES: usize = 16;
 /// The unit of storage.
 pub(super) type Chunk = [f32; LANES];
 
-/// Chunks per block at most: 256 pixels.
+/// Chunks per block at most: 256 pixels. What a step costs beside its loop is
+/// paid once per block, so at 128 pixels the paper's filter takes 1.4 times as
+/// long; at 320 its slots outgrow the first-level cache, and it takes five times
+/// as long (Sapphire Rapids, 48 KiB).
 pub(super) const BLOCK: usize = 16;
 
 #[derive(Clone, Copy, Debug)]
