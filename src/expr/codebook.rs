@@ -20,7 +20,7 @@ use super::tree::Tree;
 
 /// The bandwidths of `bilateral`: pixels for `pixel`, the loader's normalised
 /// units otherwise. These and those of `cross-bilateral` minimise the error over
-/// `data/train` (a coordinate search), so that what a search is compared with is
+/// `data/train` (`examples/tune_bandwidths.rs`), so that what a search is compared with is
 /// as good as its form allows; noisy colour turns out to be all but useless.
 const BILATERAL: [(Feature, f64); 2] = [(Feature::Pixel, 0.88), (Feature::Color, 45.0)];
 
