@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use super::error::Error;
 use crate::backend::{Backend, Rect};
-use crate::expr::Feature;
 use crate::plan::{Filter, Passes, Plan, Source, Stage};
 use crate::scene::{Facts, Image, Needs, Scene};
 
@@ -20,9 +19,7 @@ pub(super) struct Applied {
 
 /// The planes that a filter reads of a scene.
 pub(super) fn needs(filter: &Filter) -> Needs {
-    let planes = filter.stages.iter().flat_map(|stage| stage.weight.planes());
-    // Coordinates come from the window, not from the scene.
-    Needs::planes(planes.filter(|plane| plane.feature != Feature::Pixel))
+    Needs::planes(filter.stages.iter().flat_map(|stage| stage.weight.planes()))
 }
 
 /// How far a filter looks, in pixels: the padding that its scene needs.

@@ -42,7 +42,9 @@ impl Materials {
             return Err(refused("it must not read what `forbidden` names"));
         }
         if !settings.admit(&initial) {
-            return Err(refused("it must fit into `max_nodes` and `max_depth`"));
+            return Err(refused(
+                "it must fit into `max_nodes` and `max_depth`, and look at `pixel` through distances alone",
+            ));
         }
 
         let codebook =

@@ -138,7 +138,7 @@ impl Preset {
             // tournaments of eight would leave one family on each.
             Self::Quick => Settings {
                 island_size: 40,
-                generations: 34,
+                generations: 28,
                 tournament: 5,
                 initial: "cross-bilateral".to_owned(),
                 mutations: MutationWeights { jitter: 2.0, ..paper.mutations },
@@ -154,9 +154,12 @@ impl Preset {
 }
 
 impl Settings {
-    /// Whether a tree is as small as expressions have to be.
+    /// Whether a tree is as small as expressions have to be, and the same all
+    /// over the image. The paper's ⟨vector⟩ has no coordinates; ours has, and a
+    /// weight that mixed them with another feature would learn where things are
+    /// in the training images.
     pub fn admit(&self, tree: &Tree) -> bool {
-        tree.len() <= self.max_nodes && tree.depth() <= self.max_depth
+        tree.len() <= self.max_nodes && tree.depth() <= self.max_depth && tree.is_stationary()
     }
 
     /// Checks that a search can be made of them.

@@ -237,16 +237,37 @@ impl Tree {
     }
 
     /// The planes that the expression reads, each once, in a fixed order.
+    ///
+    /// The pixel's coordinates are among them only if the expression looks at
+    /// more than their difference, which the window itself provides: see
+    /// [`Tree::is_stationary`].
     pub fn planes(&self) -> Vec<PlaneId> {
-        let mut planes: Vec<PlaneId> = self
-            .symbols
-            .iter()
-            .filter_map(|s| s.reads())
+        let coordinates = Symbol::Vector(Feature::Pixel);
+        let mut offset = vec![false; self.len()];
+        for (at, &symbol) in self.symbols.iter().enumerate() {
+            // Operands of vector functions are leaves and stand before it.
+            if let Symbol::Op(op) = symbol
+                && let Form::Vectors(function) = op.row().form
+                && function.differences
+                && self.symbols[at - 2..at] == [coordinates; 2]
+            {
+                offset[at - 2..at].fill(true);
+            }
+        }
+        let symbols = self.symbols.iter().zip(offset).filter(|(_, offset)| !offset);
+        let mut planes: Vec<PlaneId> = symbols
+            .filter_map(|(symbol, _)| symbol.reads())
             .flat_map(|(feature, quantity)| PlaneId::of(feature, quantity))
             .collect();
         planes.sort_unstable();
         planes.dedup();
         planes
+    }
+
+    /// Whether the expression is the same all over the image: it looks at the
+    /// pixels' coordinates through their difference alone.
+    pub fn is_stationary(&self) -> bool {
+        self.planes().iter().all(|plane| plane.feature != Feature::Pixel)
     }
 
     /// The exact meaning of a scalar expression for one pair of pixels.
@@ -379,6 +400,18 @@ mod tests {
         let normal = leaf(Symbol::Vector(Feature::Normal));
         let distance = Tree::apply(Op::Distance1, &[&depth, &normal]).unwrap();
         assert_eq!(distance.meaning(|_, side| if side == Side::I { 5.0 } else { 1.0 }), 6.0);
+    }
+
+    #[test]
+    fn coordinates_are_read_only_where_more_than_the_offset_counts() {
+        let pixel = leaf(Symbol::Vector(Feature::Pixel));
+        let color = leaf(Symbol::Vector(Feature::Color));
+        let offset = Tree::apply(Op::Distance1, &[&pixel, &pixel]).unwrap();
+        assert!(offset.is_stationary() && offset.planes().is_empty());
+        let product = Tree::apply(Op::Dot, &[&pixel, &pixel]).unwrap();
+        let mixed = Tree::apply(Op::Distance1, &[&color, &pixel]).unwrap();
+        assert!(!product.is_stationary() && !mixed.is_stationary());
+        assert_eq!(mixed.planes().len(), 5);
     }
 
     #[test]

@@ -22,7 +22,7 @@ mod rate;
 use std::collections::BTreeSet;
 
 use crate::expr::builder::{Builder, LIMIT};
-use crate::expr::feature::{Feature, PlaneId};
+use crate::expr::feature::PlaneId;
 use crate::expr::interval::Interval;
 use crate::expr::tape::{Input, Tape};
 use crate::expr::tree::Tree;
@@ -151,7 +151,7 @@ fn check(weight: &Tree, facts: &Facts) -> Result<(), PlanError> {
         return Err(PlanError::Vector(weight.to_string()));
     }
     for plane in weight.planes() {
-        if plane.feature != Feature::Pixel && facts.get(plane) == Fact::Absent {
+        if facts.get(plane) == Fact::Absent {
             let spelling = plane.feature.spelling(plane.quantity);
             let term = spelling.expect("trees read only what has a spelling").to_owned();
             return Err(PlanError::Missing { term, plane });
