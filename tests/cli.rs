@@ -149,6 +149,15 @@ fn a_filtered_image_is_nearer_to_its_reference() {
 }
 
 #[test]
+fn a_filter_may_look_at_absolute_coordinates() {
+    let place = Place::new();
+    let filter = "1 / (1 + distance1(color, pixel))";
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", filter]);
+    let text = place.done(&["score", "--scenes", "room", "--filters", filter]);
+    assert!(!text.contains(" -"), "{text}");
+}
+
+#[test]
 fn back_ends_threads_and_exact_passes_write_the_same_bytes() {
     let place = Place::new();
     let filter = "kernel.toml";

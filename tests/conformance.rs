@@ -216,6 +216,9 @@ fn every_operator(backend: &dyn Backend) {
 
 fn every_term(backend: &dyn Backend) {
     let scene = scene(17, 6, 2);
+    for absolute in ["1 + dot(pixel, pixel)", "1 / (1 + distance1(depth, pixel))"] {
+        check(backend, &scene, absolute, Window::dense(1));
+    }
     for (feature, quantity) in Feature::terms() {
         let symbol = Symbol::of(feature, quantity).expect("terms() lists what can be spelt");
         let leaf = Tree::leaf(symbol).expect("a leaf");
