@@ -5,7 +5,7 @@
 #   scripts/results.sh [SCENES...]
 #
 # SCENES are further folders with 4spp.exr and reference.exr in or below them.
-# Writes out/best.toml, docs/results.md and docs/courtyard.png.
+# Writes out/best.toml, out/results.md and docs/courtyard.png.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -13,6 +13,6 @@ cargo build --release
 tamis=target/release/tamis
 "$tamis" evolve --preset quick --out out
 "$tamis" score --markdown --scenes data/test "$@" \
-    --filters bilateral cross-bilateral kan2017 out/best.toml tamis-1 > docs/results.md
+    --filters bilateral cross-bilateral kan2017 out/best.toml tamis-1 > out/results.md
 "$tamis" sheet data/test/courtyard -o docs/courtyard.png --filters tamis-1
-cat docs/results.md
+cat out/results.md
