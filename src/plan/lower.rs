@@ -21,11 +21,10 @@ impl Surroundings<'_> {
         b.input(Input::Plane(plane, side), (self.range)(plane))
     }
 
-    /// The components of a vector operand pair. The pixel's own coordinates
-    /// only matter through the offset wherever both ends are they, but which
-    /// rows look at differences is the rows' business: the coordinates are
-    /// given *relative to pixel i* there, 0 at i and the offset at j, when
-    /// `relative` says that the row looks at nothing else.
+    /// The pairs of components of two vector operands. Where a function looks at
+    /// nothing but differences (`relative`), the pixel's coordinates are given
+    /// relative to pixel i, 0 there and the offset at j: no coordinate is read,
+    /// and what follows from the offset alone leaves the window loop.
     fn components(
         &self,
         b: &mut Builder,

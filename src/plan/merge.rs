@@ -61,9 +61,22 @@ impl Piece {
         }
     }
 
+    /// The piece as something that stands beside an exponential.
+    fn factor(&self) -> Factor {
+        (self.symbols.clone(), self.range)
+    }
+
     fn with_exponential(mut self, exponential: Option<Exponential>) -> Self {
         self.exponential = exponential;
         self
+    }
+}
+
+impl Exponential {
+    /// The same exponential beside something else, if that is permitted.
+    #[expect(clippy::option_option, reason = "see `times`")]
+    fn beside(&self, rest: Option<Option<Factor>>) -> Option<Self> {
+        rest.map(|rest| Self { rest, ..self.clone() })
     }
 }
 
@@ -124,24 +137,12 @@ fn product(mut left: Piece, mut right: Piece, range: Interval) -> Piece {
             both
         }
         (Some(a), None) if inside => {
-            let rest = times(a.rest.as_ref(), Some(&(right.symbols.clone(), right.range)));
-            let floated = rest.map(|rest| Exponential {
-                rest,
-                argument: a.argument.clone(),
-                range: a.range,
-                count: a.count,
-            });
+            let floated = a.beside(times(a.rest.as_ref(), Some(&right.factor())));
             left.exponential = Some(a);
             floated
         }
         (None, Some(b)) if inside => {
-            let rest = times(Some(&(left.symbols.clone(), left.range)), b.rest.as_ref());
-            let floated = rest.map(|rest| Exponential {
-                rest,
-                argument: b.argument.clone(),
-                range: b.range,
-                count: b.count,
-            });
+            let floated = b.beside(times(Some(&left.factor()), b.rest.as_ref()));
             right.exponential = Some(b);
             floated
         }
