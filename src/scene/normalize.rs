@@ -27,7 +27,10 @@
 
 use std::fmt;
 
-/// The quantiles that bound the visible geometry along an axis.
+/// The quantiles that bound the visible geometry along an axis. On the training
+/// scenes the whole bounding box does as well (sums of RelMSE: cross-bilateral
+/// 0.482 with these and 0.485 with the box, kan2017 1.02 with either); these
+/// also hold where one far object would stretch the box.
 const NEAR: f64 = 0.05;
 const FAR: f64 = 0.95;
 
