@@ -14,7 +14,7 @@
 use rustc_hash::FxHashMap;
 
 use super::interval::Interval;
-use super::tape::{Input, Instr, Prim, Tape, Value};
+use super::tape::{Input, Instr, Native, Prim, Tape, Value};
 
 /// No operator returns more than this in magnitude. The product of two such
 /// values, and the quotient of one by [`DIVISOR_MIN`], are still finite in
@@ -85,6 +85,21 @@ impl Builder {
     pub fn assume(&mut self, value: Value, range: Interval) {
         let known = self.tape.range(value).intersect(range);
         self.tape.set_range(value, known);
+    }
+
+    /// Says that later values rely on the rounding of this one; see
+    /// [`Tape::is_pinned`]. Returns the value.
+    pub fn pin(&mut self, value: Value) -> Value {
+        self.tape.pin(value);
+        value
+    }
+
+    /// Says that the value is a function of `x` that shading languages have built
+    /// in; see [`Tape::native`]. Nothing is noted of constants.
+    pub fn stands_for(&mut self, value: Value, function: Native, x: Value) {
+        if self.constant_of(value).is_none() && x < value {
+            self.tape.set_native(value, function, x);
+        }
     }
 
     /// A constant.

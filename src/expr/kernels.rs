@@ -121,6 +121,7 @@ fn sinc(b: &mut Builder, x: Value) -> Value {
     let r = b.fma(turns, minus_two, a);
     let z = b.mul(r, r);
     let minus_roots = b.fma(r, r, minus_one);
+    b.pin(minus_roots);
     let minus_q = horner(b, z, &MINUS_SINC);
     let ratio = b.div(r, a);
     let sine = b.mul(minus_roots, minus_q);
@@ -160,6 +161,7 @@ fn biweight(b: &mut Builder, x: Value) -> Value {
 fn minus_parabola(b: &mut Builder, x: Value) -> Value {
     let (minus_one, zero) = (b.constant(-1.0), b.constant(0.0));
     let parabola = b.fma(x, x, minus_one);
+    b.pin(parabola);
     b.min(parabola, zero)
 }
 
@@ -182,6 +184,7 @@ fn tricube(b: &mut Builder, x: Value) -> Value {
     let a = b.min(a, one);
     let square = b.mul(a, a);
     let minus_base = b.fma(square, a, minus_one);
+    b.pin(minus_base);
     let square = b.mul(minus_base, minus_base);
     let scaled = b.mul(minus_base, scale);
     b.mul(square, scaled)

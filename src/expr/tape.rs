@@ -250,12 +250,41 @@ impl Instr {
     }
 }
 
+/// A function that shading languages have built in, and that is made of
+/// primitives here because the built-in one is less accurate. A shader may use
+/// it where speed is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Native {
+    /// 2^x
+    Exp2,
+    /// log2 x, for positive x.
+    Log2,
+}
+
+impl Native {
+    /// The exact meaning.
+    pub fn meaning(self, x: f64) -> f64 {
+        match self {
+            Self::Exp2 => x.exp2(),
+            Self::Log2 => x.log2(),
+        }
+    }
+}
+
+/// What is known of a value beside the instruction that makes it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Known {
+    range: Interval,
+    pinned: bool,
+    native: Option<(Native, Value)>,
+}
+
 /// Straight-line code with one or several results. Every operand stands before
 /// the instruction that uses it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tape {
     instrs: Vec<Instr>,
-    ranges: Vec<Interval>,
+    known: Vec<Known>,
     results: Vec<Value>,
 }
 
@@ -277,7 +306,21 @@ impl Tape {
 
     /// What is known of a value.
     pub fn range(&self, value: Value) -> Interval {
-        self.ranges[value.index()]
+        self.known[value.index()].range
+    }
+
+    /// Whether later values rely on the rounding of this one: it is the high part
+    /// of a number in two parts, say, or leaves a remainder that is computed. A
+    /// compiler that contracts or reassociates must be kept away from it, and a
+    /// fused multiply-add must really round once.
+    pub fn is_pinned(&self, value: Value) -> bool {
+        self.known[value.index()].pinned
+    }
+
+    /// The built-in function of an earlier value that this value approximates
+    /// (better than the built-in does), if it is one.
+    pub fn native(&self, value: Value) -> Option<(Native, Value)> {
+        self.known[value.index()].native
     }
 
     /// The instruction that makes a value.
@@ -310,12 +353,36 @@ impl Tape {
     pub(crate) fn push(&mut self, instr: Instr, range: Interval) -> Value {
         let value = Value(u32::try_from(self.instrs.len()).expect("a tape fits in 32 bits"));
         self.instrs.push(instr);
-        self.ranges.push(range);
+        self.known.push(Known { range, pinned: false, native: None });
         value
     }
 
+    /// Appends an instruction of another tape with all that is known of its value.
+    /// `rename` gives the new values of earlier ones, if they are here.
+    pub(crate) fn push_from(
+        &mut self,
+        other: &Self,
+        value: Value,
+        rename: impl Fn(Value) -> Option<Value>,
+    ) -> Value {
+        let new = |v| rename(v).expect("operands come before what uses them");
+        let known = other.known[value.index()];
+        let copy = self.push(other.instr(value).renamed(new), known.range);
+        let native = known.native.and_then(|(function, x)| Some((function, rename(x)?)));
+        self.known[copy.index()] = Known { native, ..known };
+        copy
+    }
+
     pub(crate) fn set_range(&mut self, value: Value, range: Interval) {
-        self.ranges[value.index()] = range;
+        self.known[value.index()].range = range;
+    }
+
+    pub(crate) fn pin(&mut self, value: Value) {
+        self.known[value.index()].pinned = true;
+    }
+
+    pub(crate) fn set_native(&mut self, value: Value, function: Native, x: Value) {
+        self.known[value.index()].native = Some((function, x));
     }
 
     /// Keeps only what the given results need.
@@ -332,12 +399,12 @@ impl Tape {
             }
         }
         let mut kept = Self::default();
-        let mut renamed = vec![Value(0); self.instrs.len()];
-        for (k, instr) in self.instrs.iter().enumerate().filter(|(k, _)| needed[*k]) {
-            let instr = instr.renamed(|v| renamed[v.index()]);
-            renamed[k] = kept.push(instr, self.ranges[k]);
+        let mut renamed = vec![None; self.instrs.len()];
+        for (value, _) in self.iter().filter(|(value, _)| needed[value.index()]) {
+            renamed[value.index()] = Some(kept.push_from(&self, value, |v| renamed[v.index()]));
         }
-        kept.results = results.iter().map(|r| renamed[r.index()]).collect();
+        let new = |r: &Value| renamed[r.index()].expect("results are needed");
+        kept.results = results.iter().map(new).collect();
         kept
     }
 }

@@ -84,16 +84,13 @@ pub(super) fn split(tape: &Tape, hoist: bool) -> Split {
 
     let mut pair = Tape::default();
     let mut renamed: Vec<Option<Value>> = vec![None; tape.instrs().len()];
-    for (value, instr) in tape.iter() {
+    for (value, _) in tape.iter() {
         let k = value.index();
-        let instr = match crossing[k] {
-            Some(input) => Instr::Input(input),
-            None if hoisted(k) => continue,
-            None => instr.renamed(|v| {
-                renamed[v.index()].expect("what a pair-rate instruction reads stays or crosses")
-            }),
+        renamed[k] = match crossing[k] {
+            Some(input) => Some(pair.push(Instr::Input(input), tape.range(value))),
+            None if hoisted(k) => None,
+            None => Some(pair.push_from(tape, value, |v| renamed[v.index()])),
         };
-        renamed[k] = Some(pair.push(instr, tape.range(value)));
     }
     let results: Vec<Value> =
         tape.results().iter().map(|r| renamed[r.index()].expect("results stay or cross")).collect();

@@ -3,7 +3,7 @@
 use super::{enclosure, horner};
 use crate::expr::builder::{Builder, LIMIT};
 use crate::expr::function::{Budget, Unary};
-use crate::expr::tape::Value;
+use crate::expr::tape::{Native, Value};
 
 /// `exp`: e^x, clamped at [`LIMIT`] above; below about -87.3, where e^x is no
 /// normal number, the result may be flushed to 0. 14 primitives.
@@ -41,12 +41,15 @@ fn exp(b: &mut Builder, x: Value) -> Value {
     let n = b.round(t);
     let r = LN_2.iter().fold(x, |r, part| {
         let part = b.constant(-part);
-        b.fma(n, part, r)
+        let r = b.fma(n, part, r);
+        b.pin(r)
     });
     let one = b.constant(1.0);
     let tail = horner(b, r, &TAIL);
     let slope = b.fma(tail, r, one);
     let power = b.fma(slope, r, one);
     let scale = b.exp2i(n);
-    b.mul(power, scale)
+    let power = b.mul(power, scale);
+    b.stands_for(power, Native::Exp2, t);
+    power
 }

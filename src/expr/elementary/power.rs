@@ -22,7 +22,7 @@ use super::{enclosure, horner};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
 use crate::expr::function::{Binary, Budget, Unary};
 use crate::expr::interval::Interval;
-use crate::expr::tape::Value;
+use crate::expr::tape::{Native, Value};
 
 /// `sqrt`; 0 for negative operands. 2 primitives.
 pub const SQRT: Unary = Unary {
@@ -221,13 +221,17 @@ fn log2(b: &mut Builder, x: Value) -> Parts {
     let h = b.mul(f, minus_half);
     let divisor = b.sub(one, h);
     let s = b.div(f, divisor);
+    b.pin(s);
     let difference = b.sub(f, s);
     let rest = b.fma(s, h, difference);
+    b.pin(rest);
 
     // log2 m = -minus_main + tail, where minus_main is -LOG2_E s rounded.
     let (log2_e, minus_log2_e) = (b.constant(LOG2_E), b.constant(-LOG2_E));
     let minus_main = b.mul(s, minus_log2_e);
+    b.pin(minus_main);
     let tail = b.fma(s, log2_e, minus_main);
+    b.pin(tail);
     let [slope, weight] = REST.map(|c| b.constant(c));
     let weight = b.fma(s, slope, weight);
     let tail = b.fma(rest, weight, tail);
@@ -238,8 +242,12 @@ fn log2(b: &mut Builder, x: Value) -> Parts {
     // The differences are exact; what high rounds away reaches low.
     let log_m = b.sub(tail, minus_main);
     let high = b.add(e, log_m);
+    b.pin(high);
+    b.stands_for(high, Native::Log2, x);
     let low = b.sub(e, high);
+    b.pin(low);
     let low = b.sub(low, minus_main);
+    b.pin(low);
     let low = b.add(low, tail);
     Parts { high, low }
 }
@@ -247,8 +255,10 @@ fn log2(b: &mut Builder, x: Value) -> Parts {
 /// 2^(y * log), at most [`LIMIT`].
 fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     let high = b.mul(y, log.high);
+    b.pin(high);
     let minus_high = b.neg(high);
     let low = b.fma(y, log.high, minus_high);
+    b.pin(low);
     let low = b.fma(y, log.low, low);
     // |log| < 128 in two parts that do not overlap: each of the two products of y
     // leaves less than 2^-17 of it. Moderate exponents need no clamp.
@@ -266,6 +276,7 @@ fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     let power = b.fma(slope, g, one);
     let scale = b.exp2i(n);
     let power = b.mul(power, scale);
+    b.stands_for(power, Native::Exp2, high);
     let limit = b.constant(LIMIT);
     b.min(power, limit)
 }

@@ -119,7 +119,8 @@ fn cos(b: &mut Builder, x: Value) -> Value {
 fn reduced(b: &mut Builder, x: Value, n: Value, parts: [f32; 3]) -> Value {
     parts.iter().fold(x, |r, &part| {
         let part = b.constant(part);
-        b.fma(n, part, r)
+        let r = b.fma(n, part, r);
+        b.pin(r)
     })
 }
 
