@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::block::{Arg, BLOCK, LANES, Program, Slots};
-use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at};
+use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, inside};
 use crate::expr::PlaneId;
 use crate::expr::tape::{Axis, Input, Side};
 use crate::plan::{Plan, Window};
@@ -150,8 +150,9 @@ impl Rates {
         Ok(frame)
     }
 
-    /// Evaluates the tap tape on every offset of the window.
-    fn per_tap(&self) -> Vec<f32> {
+    /// Evaluates the tap tape on every offset of the window: the results of the
+    /// first tap, then of the second, …
+    pub(super) fn per_tap(&self) -> Vec<f32> {
         let (taps, values) = (self.window.taps(), self.tap.results());
         if values == 0 {
             return Vec::new();
@@ -281,12 +282,9 @@ fn channels(scene: &Scene) -> [&[f32]; CHANNELS] {
 
 /// Cuts rectangles into strips of a few rows.
 fn strips(scene: &Scene, region: &[Rect]) -> Result<Vec<Rect>, BackendError> {
-    let (width, height) = (scene.layout().width(), scene.layout().height());
+    inside(scene, region)?;
     let mut strips = Vec::new();
     for &rect in region {
-        if rect.x + rect.width > width || rect.y + rect.height > height {
-            return Err(BackendError::Outside { rect, width, height });
-        }
         if rect.width > 0 {
             strips.extend((0..rect.height).step_by(STRIP).map(|y| Rect {
                 y: rect.y + y,

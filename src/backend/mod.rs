@@ -17,14 +17,22 @@
 
 mod block;
 mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod interp;
 #[cfg(feature = "jit")]
 mod jit;
 pub mod oracle;
+#[cfg(feature = "gpu")]
+pub mod shader;
+#[cfg(feature = "gpu")]
+pub mod wgsl;
 
 use crate::plan::Plan;
 use crate::scene::Scene;
 
+#[cfg(feature = "gpu")]
+pub use gpu::Gpu;
 pub use interp::Interpreter;
 #[cfg(feature = "jit")]
 pub use jit::Jit;
@@ -98,6 +106,10 @@ pub enum BackendError {
     #[cfg(feature = "jit")]
     #[error("the compiled filter refused its data: {0}")]
     Shape(#[from] tamis_jit::ShapeError),
+    /// The GPU failed.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    Gpu(#[from] gpu::GpuError),
     /// The scene's planes are padded for smaller windows.
     #[error("the window reaches {reach} pixels but the scene was loaded for windows of {pad}")]
     Padding {
@@ -139,6 +151,16 @@ pub trait Executable: Send + Sync {
     /// the plan. Runs on the current rayon pool; the result does not depend on
     /// its number of threads.
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
+}
+
+/// Checks that rectangles lie inside of the image.
+fn inside(scene: &Scene, region: &[Rect]) -> Result<(), BackendError> {
+    let (width, height) = (scene.layout().width(), scene.layout().height());
+    let fits = |rect: &Rect| rect.x + rect.width <= width && rect.y + rect.height <= height;
+    match region.iter().find(|rect| !fits(rect)) {
+        None => Ok(()),
+        Some(&rect) => Err(BackendError::Outside { rect, width, height }),
+    }
 }
 
 /// The noisy colour of a pixel.

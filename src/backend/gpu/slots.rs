@@ -1,0 +1,187 @@
+//! The buffers that tiles pass through, two sets of them: while the GPU works on
+//! one tile, the next is packed and the one before is read back.
+
+use std::collections::VecDeque;
+use std::sync::{Condvar, Mutex, PoisonError};
+
+use super::device::Device;
+use super::error::GpuError;
+
+/// Tiles that are under way at a time, of whatever frames. Memory limits are met
+/// by this many sets of buffers.
+pub(super) const SLOTS: u64 = 2;
+
+/// Bytes that a tile needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Needs {
+    pub(super) near: u64,
+    pub(super) own: u64,
+    pub(super) result: u64,
+}
+
+/// Where `own` begins behind `near`, and two timestamps behind the result, in the
+/// buffers that are copied from and to.
+const ALIGN: u64 = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
+pub(super) const TIMESTAMPS: u64 = 2 * size_of::<u64>() as u64;
+
+impl Needs {
+    /// Where `own` begins in the buffer for uploading.
+    pub(super) fn own_start(&self) -> u64 {
+        self.near.next_multiple_of(ALIGN)
+    }
+
+    /// The size of the buffer for uploading.
+    pub(super) fn upload(&self) -> u64 {
+        self.own_start() + self.own
+    }
+
+    /// Where the timestamps begin in the buffer for reading back.
+    pub(super) fn timestamps_start(&self) -> u64 {
+        self.result.next_multiple_of(ALIGN)
+    }
+
+    /// The size of the buffer for reading back.
+    pub(super) fn back(&self) -> u64 {
+        self.timestamps_start() + TIMESTAMPS
+    }
+
+    /// All of a slot's buffers.
+    pub(super) fn total(&self) -> u64 {
+        self.upload() + self.near + self.own + self.result + self.back() + ALIGN
+    }
+
+    fn covers(&self, other: &Self) -> bool {
+        self.near >= other.near
+            && self.own >= other.own
+            && self.result >= other.result
+            && self.upload() >= other.upload()
+            && self.back() >= other.back()
+    }
+}
+
+/// A set of buffers.
+pub(super) struct Slot {
+    holds: Needs,
+    /// Mapped, except while the GPU copies from it.
+    pub(super) upload: wgpu::Buffer,
+    pub(super) near: wgpu::Buffer,
+    pub(super) own: wgpu::Buffer,
+    pub(super) result: wgpu::Buffer,
+    pub(super) back: wgpu::Buffer,
+    /// Two timestamps, and where they are resolved, if the device has a clock.
+    pub(super) clock: Option<(wgpu::QuerySet, wgpu::Buffer)>,
+}
+
+impl Slot {
+    fn new(device: &Device, needs: Needs) -> Result<Self, GpuError> {
+        use wgpu::BufferUsages as Usage;
+        let upload = device.buffer(
+            "uploading a tile",
+            needs.upload(),
+            Usage::MAP_WRITE | Usage::COPY_SRC,
+            true,
+        )?;
+        let inputs = Usage::STORAGE | Usage::COPY_DST;
+        let near = device.buffer("a tile's planes", needs.near, inputs, false)?;
+        let own = device.buffer("a tile's planes", needs.own, inputs, false)?;
+        let outputs = Usage::STORAGE | Usage::COPY_SRC;
+        let result = device.buffer("a tile's result", needs.result, outputs, false)?;
+        let back = device.buffer(
+            "reading a tile back",
+            needs.back(),
+            Usage::MAP_READ | Usage::COPY_DST,
+            false,
+        )?;
+        let clock = match device.tick {
+            None => None,
+            Some(_) => {
+                let queries = device.checked("a clock", 0, |device| {
+                    device.create_query_set(&wgpu::QuerySetDescriptor {
+                        label: None,
+                        ty: wgpu::QueryType::Timestamp,
+                        count: 2,
+                    })
+                })?;
+                let usage = Usage::QUERY_RESOLVE | Usage::COPY_SRC;
+                Some((queries, device.buffer("a clock", TIMESTAMPS, usage, false)?))
+            }
+        };
+        Ok(Self { holds: needs, upload, near, own, result, back, clock })
+    }
+}
+
+/// The slots of a device.
+#[derive(Default)]
+pub(super) struct Slots {
+    state: Mutex<State>,
+    given_back: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    free: VecDeque<Slot>,
+    leased: u64,
+}
+
+/// A slot in use. Unless it is given back whole, its buffers are dropped.
+pub(super) struct Lease<'a> {
+    slots: &'a Slots,
+    slot: Option<Slot>,
+}
+
+impl Slots {
+    /// A slot for a tile. If all are in use, waits for one, or returns `None` if
+    /// the caller has one itself and would wait for ever.
+    pub(super) fn lease(
+        &self,
+        device: &Device,
+        needs: Needs,
+        may_wait: bool,
+    ) -> Result<Option<Lease<'_>>, GpuError> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        while state.leased == SLOTS {
+            if !may_wait {
+                return Ok(None);
+            }
+            state = self.given_back.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        state.leased += 1;
+        let fitting = state.free.iter().position(|slot| slot.holds.covers(&needs));
+        // A slot that is too small makes room for the one that is made now.
+        let slot = match fitting {
+            Some(k) => state.free.remove(k),
+            None => {
+                state.free.pop_front();
+                None
+            }
+        };
+        drop(state);
+        let mut lease = Lease { slots: self, slot };
+        if lease.slot.is_none() {
+            lease.slot = Some(Slot::new(device, needs)?);
+        }
+        Ok(Some(lease))
+    }
+}
+
+impl Lease<'_> {
+    pub(super) fn slot(&self) -> &Slot {
+        self.slot.as_ref().expect("a lease has its slot until it ends")
+    }
+
+    /// Ends the lease of a slot that can be used again: its buffer for uploading is
+    /// mapped and its buffer for reading back is not.
+    pub(super) fn give_back(mut self) {
+        let slot = self.slot.take();
+        let mut state = self.slots.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.free.extend(slot);
+    }
+}
+
+impl Drop for Lease<'_> {
+    fn drop(&mut self) {
+        let mut state = self.slots.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.leased -= 1;
+        self.slots.given_back.notify_one();
+    }
+}

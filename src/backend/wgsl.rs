@@ -1,0 +1,320 @@
+//! Tapes as WGSL: one `let` per value, one match over the primitives.
+//!
+//! This writes tapes; `shader` puts them into kernels. A
+//! tape is written value by value, never as nested expressions: compilers of
+//! shading languages give up on deep nesting, not on long functions.
+//!
+//! # What WGSL leaves open, and what is done about it
+//!
+//! The language lets a compiler contract `a * b + c`, reassociate sums, round a
+//! quotient to 2.5 units in the last place and a square root to about 3, compute
+//! `fma` with two roundings, flush subnormal numbers, and assume that there are
+//! no infinities and no NaNs. A filter does not care, but for a few roundings
+//! that the elementary functions rely on; the tape says which
+//! ([`Tape::is_pinned`]). [`Precision::Exact`] makes sure of those:
+//!
+//! * A pinned value passes through `pinned()`, an exclusive or of its bits with a
+//!   zero that the compiler cannot know (it comes from a uniform).
+//! * A pinned fused multiply-add, a quotient and a square root are the built-ins
+//!   where the device was *measured* to round them once ([`Arithmetic`]), and
+//!   otherwise are made of other operations.
+//!
+//! There is no test for NaN anywhere: tapes guard with `min` and `max`, so that
+//! none arises. Infinities arise in sums alone, and are found by their bits.
+//!
+//! # Which function is whose
+//!
+//! | row | `exact` | `fast` |
+//! |---|---|---|
+//! | `exp` | polynomial, 1 ulp | built-in `exp2`, which WGSL guarantees to 3 + 2 abs(x) ulp |
+//! | `pow` | polynomials in two parts, 3.5 ulp | built-in `exp2` and `log2`: good enough up to exponents of 16 |
+//! | `sin` `cos` `tan` `sinc` | polynomial | polynomial: WGSL guarantees `sin` to 2^-11 within ±pi only, nothing beyond |
+//! | `asin` `acos` `atan` | polynomial | polynomial: WGSL guarantees 4096 ulp |
+//! | `sqrt`, `/` | rounded once | built-in |
+//! | all others | their primitives | their primitives, contracted as the compiler likes |
+
+use std::fmt::Write;
+
+use crate::expr::tape::{EXP2I_MAGIC, Input, Instr, Native, Prim, Tape, Value};
+
+/// How much accuracy a shader keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// Every row of the operator table within its budget.
+    #[default]
+    Exact,
+    /// Built-in exponentials and logarithms, and no care for roundings.
+    Fast,
+}
+
+/// What a device rounds correctly, beyond what WGSL asks of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Arithmetic {
+    /// `fma(a, b, c)` is rounded once.
+    pub fused: bool,
+    /// `a / b` is correctly rounded.
+    pub quotients: bool,
+    /// `sqrt(a)` is correctly rounded.
+    pub roots: bool,
+}
+
+impl Arithmetic {
+    /// Everything as in IEEE 754.
+    pub const IEEE: Self = Self { fused: true, quotients: true, roots: true };
+    /// No more than WGSL guarantees.
+    pub const WGSL: Self = Self { fused: false, quotients: false, roots: false };
+}
+
+/// How tapes are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Dialect {
+    /// How much accuracy is kept.
+    pub precision: Precision,
+    /// What can be relied upon to keep it.
+    pub arithmetic: Arithmetic,
+}
+
+/// A tape in WGSL.
+pub(super) struct Statements {
+    /// One statement per line.
+    pub(super) lines: String,
+    /// The results: names of values, or literals.
+    pub(super) results: Vec<String>,
+}
+
+/// Writes a tape; `input` gives the expression that reads an input. The
+/// functions of [`functions`] must be in scope.
+pub(super) fn statements(
+    tape: &Tape,
+    dialect: Dialect,
+    input: impl Fn(Input) -> String,
+) -> Statements {
+    let writer = Writer { tape, dialect };
+    let needed = writer.needed();
+    let mut lines = String::new();
+    let mut names: Vec<Operand> = Vec::with_capacity(tape.instrs().len());
+    for (value, instr) in tape.iter() {
+        let name = match *instr {
+            Instr::Const(bits) => Operand::Literal(f32::from_bits(bits)),
+            Instr::Input(_) | Instr::Prim(..) if !needed[value.index()] => Operand::Unused,
+            Instr::Input(which) => Operand::Input(input(which)),
+            Instr::Prim(prim, args) => {
+                let args = args.map(|arg| &names[arg.index()]);
+                match constant(prim, &args) {
+                    Some(x) => Operand::Literal(x),
+                    None => {
+                        let expression = writer.expression(value, prim, args, &names);
+                        writer.bind(&mut lines, value, &expression)
+                    }
+                }
+            }
+        };
+        names.push(name);
+    }
+    lines.truncate(lines.trim_end().len());
+    let results = tape.results().iter().map(|r| names[r.index()].to_string()).collect();
+    Statements { lines, results }
+}
+
+/// A value as statements refer to it.
+#[derive(Clone)]
+enum Operand {
+    Literal(f32),
+    Input(String),
+    Name(Value),
+    Unused,
+}
+
+impl std::fmt::Display for Operand {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            // A sign before a literal is an operator in WGSL, and `a--1f` no expression.
+            Self::Literal(x) if x.is_sign_negative() => write!(f, "({x:?}f)"),
+            Self::Literal(x) => write!(f, "{x:?}f"),
+            Self::Input(text) => f.write_str(text),
+            Self::Name(value) => write!(f, "v{}", value.index()),
+            Self::Unused => unreachable!("an operand of what is needed is needed"),
+        }
+    }
+}
+
+/// The value of a primitive of constants. WGSL evaluates such expressions while
+/// it compiles and refuses what overflows; tapes made without folding have them.
+fn constant(prim: Prim, args: &[&Operand; 4]) -> Option<f32> {
+    let mut constants = [0.0; 4];
+    for (constant, arg) in constants.iter_mut().zip(&args[..prim.arity()]) {
+        match arg {
+            Operand::Literal(x) => *constant = *x,
+            Operand::Input(_) | Operand::Name(_) | Operand::Unused => return None,
+        }
+    }
+    let x = prim.eval(constants);
+    Some(x.clamp(f32::MIN, f32::MAX))
+}
+
+struct Writer<'a> {
+    tape: &'a Tape,
+    dialect: Dialect,
+}
+
+impl Writer<'_> {
+    /// The built-in function that stands for a value, where one may.
+    fn native(&self, value: Value) -> Option<(Native, Value)> {
+        match self.dialect.precision {
+            Precision::Exact => None,
+            Precision::Fast => self.tape.native(value),
+        }
+    }
+
+    fn is_pinned(&self, value: Value) -> bool {
+        match self.dialect.precision {
+            Precision::Exact => self.tape.is_pinned(value),
+            Precision::Fast => false,
+        }
+    }
+
+    /// What the results need, given that built-in functions stand for what they are.
+    fn needed(&self) -> Vec<bool> {
+        let mut needed = vec![false; self.tape.instrs().len()];
+        for r in self.tape.results() {
+            needed[r.index()] = true;
+        }
+        for (value, instr) in self.tape.iter().collect::<Vec<_>>().into_iter().rev() {
+            if needed[value.index()] {
+                match self.native(value) {
+                    Some((_, x)) => needed[x.index()] = true,
+                    None => instr.operands().iter().for_each(|a| needed[a.index()] = true),
+                }
+            }
+        }
+        needed
+    }
+
+    fn bind(&self, lines: &mut String, value: Value, expression: &str) -> Operand {
+        let name = Operand::Name(value);
+        let _ = writeln!(lines, "let {name} = {expression};");
+        name
+    }
+
+    fn expression(
+        &self,
+        value: Value,
+        prim: Prim,
+        args: [&Operand; 4],
+        names: &[Operand],
+    ) -> String {
+        if let Some((function, x)) = self.native(value) {
+            let name = match function {
+                Native::Exp2 => "exp2",
+                Native::Log2 => "log2",
+            };
+            return format!("{name}({})", names[x.index()]);
+        }
+        let Dialect { precision, arithmetic } = self.dialect;
+        match (prim, args) {
+            (Prim::Fma, [a, b, c, _]) if self.is_pinned(value) => format!("fused({a}, {b}, {c})"),
+            (Prim::Sqrt, [a, ..]) if precision == Precision::Exact && !arithmetic.roots => {
+                format!("root({a})")
+            }
+            (Prim::Div, [a, b, ..]) if precision == Precision::Exact && !arithmetic.quotients => {
+                format!("quotient({a}, {b})")
+            }
+            _ if self.is_pinned(value) => format!("pinned({})", primitive(prim, args)),
+            _ => primitive(prim, args),
+        }
+    }
+}
+
+fn primitive(prim: Prim, [a, b, c, d]: [&Operand; 4]) -> String {
+    match prim {
+        Prim::Neg => format!("-{a}"),
+        Prim::Abs => format!("abs({a})"),
+        Prim::Sqrt => format!("sqrt({a})"),
+        Prim::Round => format!("round({a})"),
+        Prim::Exp2i => format!("bitcast<f32>(bitcast<u32>({a} + {EXP2I_MAGIC:?}f) << 23u)"),
+        Prim::Exponent => format!("f32(i32((bitcast<u32>({a}) >> 23u) & 0xffu) - 127)"),
+        Prim::Mantissa => {
+            format!("bitcast<f32>((bitcast<u32>({a}) & 0x7fffffu) | 0x3f800000u)")
+        }
+        Prim::Add => format!("{a} + {b}"),
+        Prim::Sub => format!("{a} - {b}"),
+        Prim::Mul => format!("{a} * {b}"),
+        Prim::Div => format!("{a} / {b}"),
+        Prim::Min => format!("min({a}, {b})"),
+        Prim::Max => format!("max({a}, {b})"),
+        Prim::Fma => format!("fma({a}, {b}, {c})"),
+        Prim::SelectLt => format!("select({d}, {c}, {a} < {b})"),
+    }
+}
+
+/// The functions that the statements in `body` call and WGSL does not have.
+/// `pinned` reads a zero from the uniform `params`.
+pub(super) fn functions(body: &str, dialect: Dialect) -> String {
+    let mut text = String::new();
+    // Earlier functions call later ones only.
+    let mut called = |name: &str, source: &str| {
+        if body.contains(&format!("{name}(")) || text.contains(&format!("{name}(")) {
+            text.push_str(source);
+        }
+    };
+    called("root", ROOT);
+    called("quotient", QUOTIENT);
+    called("fused", if dialect.arithmetic.fused { FUSED } else { SPLIT });
+    called("pinned", PINNED);
+    text
+}
+
+const PINNED: &str = "
+// The same number, out of the compiler's sight: its rounding is relied upon.
+fn pinned(x: f32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(x) ^ params.zero);
+}
+";
+
+const FUSED: &str = "
+// a * b + c, rounded once.
+fn fused(a: f32, b: f32, c: f32) -> f32 {
+    return pinned(fma(a, b, c));
+}
+";
+
+const SPLIT: &str = "
+// a * b + c in twice the precision (Dekker's product, Knuth's sum), rounded at
+// the end: this device's fma rounds the product.
+fn fused(a: f32, b: f32, c: f32) -> f32 {
+    let product = pinned(a * b);
+    let a_split = pinned(a * 4097f);
+    let a_high = pinned(a_split - pinned(a_split - a));
+    let a_low = pinned(a - a_high);
+    let b_split = pinned(b * 4097f);
+    let b_high = pinned(b_split - pinned(b_split - b));
+    let b_low = pinned(b - b_high);
+    let high = pinned(pinned(a_high * b_high) - product);
+    let middle = pinned(pinned(high + pinned(a_high * b_low)) + pinned(a_low * b_high));
+    let product_rest = pinned(middle + pinned(a_low * b_low));
+    let sum = pinned(product + c);
+    let of_c = pinned(sum - product);
+    let of_product = pinned(sum - of_c);
+    let sum_rest = pinned(pinned(product - of_product) + pinned(c - of_c));
+    return pinned(sum + pinned(sum_rest + product_rest));
+}
+";
+
+const QUOTIENT: &str = "
+// a / b with one step of Newton's method: this device's quotients are off.
+fn quotient(a: f32, b: f32) -> f32 {
+    let q = pinned(a / b);
+    let rest = fused(-q, b, a);
+    return fma(rest, 1f / b, q);
+}
+";
+
+const ROOT: &str = "
+// sqrt(x) with one step of Newton's method: this device's roots are off.
+fn root(x: f32) -> f32 {
+    let s = pinned(sqrt(x));
+    let rest = fused(-s, s, x);
+    let slope = 0.5f / max(s, 1.0842022e-19f);
+    return select(s, fma(rest, slope, s), s > 0f);
+}
+";
