@@ -4,7 +4,7 @@
 //! ±[`LIMIT`] what the operands' ranges do not already keep inside.
 
 use super::builder::{Builder, DIVISOR_MIN, LIMIT};
-use super::function::{Binary, Budget, Unary};
+use super::function::{Binary, Budget, Fast, Unary};
 use super::interval::Interval;
 use super::op::{VectorFunction, limited};
 use super::tape::Value;
@@ -12,13 +12,16 @@ use super::tape::Value;
 /// One correctly rounded operation.
 const ROUNDED: Budget = Budget { ulp: 0.5, absolute: f32::MIN_POSITIVE as f64 };
 
+/// The same of a fast shader.
+const FAST: Fast = Fast { within: LIMIT, budget: ROUNDED };
+
 fn bounded(range: Interval) -> Interval {
     range.clamped(-LIMIT, LIMIT)
 }
 
 /// Negation.
 pub const NEG: Unary =
-    Unary { meaning: |x| -x, build: Builder::neg, range: |x| -x, budget: ROUNDED };
+    Unary { meaning: |x| -x, build: Builder::neg, range: |x| -x, budget: ROUNDED, fast: FAST };
 
 /// Sum.
 pub const ADD: Binary = Binary {
@@ -29,6 +32,7 @@ pub const ADD: Binary = Binary {
     },
     range: |x, y| bounded(x + y),
     budget: ROUNDED,
+    fast: FAST,
 };
 
 /// Difference.
@@ -40,6 +44,7 @@ pub const SUB: Binary = Binary {
     },
     range: |x, y| bounded(x - y),
     budget: ROUNDED,
+    fast: FAST,
 };
 
 /// Product.
@@ -51,6 +56,7 @@ pub const MUL: Binary = Binary {
     },
     range: |x, y| bounded(x * y),
     budget: ROUNDED,
+    fast: FAST,
 };
 
 /// Quotient. The reciprocal of a constant divisor is rounded before the
@@ -77,6 +83,7 @@ pub const DIV: Binary = Binary {
         bounded((x / divisor).widened(1e-6, f32::MIN_POSITIVE))
     },
     budget: Budget { ulp: 1.5, absolute: f32::MIN_POSITIVE as f64 },
+    fast: Fast { within: LIMIT, budget: Budget { ulp: 4.0, absolute: f32::MIN_POSITIVE as f64 } },
 };
 
 /// Keeps a divisor [`DIVISOR_MIN`] away from zero, on its own side.

@@ -35,6 +35,17 @@ pub fn ulp(x: f64) -> f64 {
     (exponent - 23.0).exp2()
 }
 
+/// What a shader holds to that is told to be fast: it uses built-in functions
+/// where it may, and the compiler may contract and reassociate. What is lost by
+/// that grows with the operands, so a bound goes with the budget.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fast {
+    /// The budget holds for operands within ± this.
+    pub within: f32,
+    /// What WGSL guarantees, for what is used.
+    pub budget: Budget,
+}
+
 /// A function of one scalar.
 #[derive(Clone, Copy, Debug)]
 pub struct Unary {
@@ -46,6 +57,8 @@ pub struct Unary {
     pub range: fn(Interval) -> Interval,
     /// How far apart the two may be.
     pub budget: Budget,
+    /// How far apart they may be in a fast shader.
+    pub fast: Fast,
 }
 
 /// A function of two scalars.
@@ -59,4 +72,6 @@ pub struct Binary {
     pub range: fn(Interval, Interval) -> Interval,
     /// How far apart the two may be.
     pub budget: Budget,
+    /// How far apart they may be in a fast shader.
+    pub fast: Fast,
 }

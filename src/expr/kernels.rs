@@ -22,7 +22,7 @@
 
 use super::builder::{Builder, DIVISOR_MIN};
 use super::elementary::{enclosure, horner};
-use super::function::{Budget, Unary};
+use super::function::{Budget, Fast, Unary};
 use super::interval::Interval;
 use super::tape::Value;
 
@@ -55,6 +55,7 @@ pub const MITCHELL: Unary = Unary {
         enclosure(MITCHELL.budget, lowest, first.max(last))
     },
     budget: Budget { ulp: 0.0, absolute: 1e-7 },
+    fast: Fast { within: 8.0, budget: Budget { ulp: 0.0, absolute: 1e-6 } },
 };
 
 fn mitchell(b: &mut Builder, x: Value) -> Value {
@@ -101,6 +102,7 @@ pub const SINC: Unary = Unary {
         SINC_RANGE.clamped(-envelope, envelope)
     },
     budget: Budget { ulp: 4.5, absolute: 0.0 },
+    fast: Fast { within: 8.0, budget: Budget { ulp: 4.5, absolute: 2e-6 } },
 };
 
 /// The first minimum, at 1.43, rounded outwards; and the peak.
@@ -134,6 +136,7 @@ pub const EPANECHNIKOV: Unary = Unary {
     build: epanechnikov,
     range: |x| bump(EPANECHNIKOV, x),
     budget: Budget { ulp: 1.5, absolute: 0.0 },
+    fast: Fast { within: 8.0, budget: Budget { ulp: 1.5, absolute: 1e-6 } },
 };
 
 fn epanechnikov(b: &mut Builder, x: Value) -> Value {
@@ -148,6 +151,7 @@ pub const BIWEIGHT: Unary = Unary {
     build: biweight,
     range: |x| bump(BIWEIGHT, x),
     budget: Budget { ulp: 3.5, absolute: 0.0 },
+    fast: Fast { within: 8.0, budget: Budget { ulp: 3.5, absolute: 1e-6 } },
 };
 
 fn biweight(b: &mut Builder, x: Value) -> Value {
@@ -176,6 +180,7 @@ pub const TRICUBE: Unary = Unary {
     build: tricube,
     range: |x| bump(TRICUBE, x),
     budget: Budget { ulp: 3.1, absolute: 1.5e-7 },
+    fast: Fast { within: 8.0, budget: Budget { ulp: 3.1, absolute: 1e-6 } },
 };
 
 fn tricube(b: &mut Builder, x: Value) -> Value {

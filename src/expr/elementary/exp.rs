@@ -2,7 +2,7 @@
 
 use super::{enclosure, horner};
 use crate::expr::builder::{Builder, LIMIT};
-use crate::expr::function::{Budget, Unary};
+use crate::expr::function::{Budget, Fast, Unary};
 use crate::expr::tape::{Native, Value};
 
 /// `exp`: e^x, clamped at [`LIMIT`] above; below about -87.3, where e^x is no
@@ -20,6 +20,7 @@ pub const EXP: Unary = Unary {
             .clamped(0.0, LIMIT)
     },
     budget: Budget { ulp: 1.0, absolute: f32::MIN_POSITIVE as f64 },
+    fast: Fast { within: 88.0, budget: Budget { ulp: 300.0, absolute: f32::MIN_POSITIVE as f64 } },
 };
 
 /// The greatest `f32` whose exponential is at most [`LIMIT`].

@@ -3,8 +3,8 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use super::{enclosure, horner};
-use crate::expr::builder::Builder;
-use crate::expr::function::{Budget, Unary};
+use crate::expr::builder::{Builder, LIMIT};
+use crate::expr::function::{Budget, Fast, Unary};
 use crate::expr::tape::Value;
 
 /// `asin`, of the argument clamped into [-1, 1]. 18 primitives.
@@ -19,6 +19,7 @@ pub const ASIN: Unary = Unary {
             .clamped(-FRAC_PI_2, FRAC_PI_2)
     },
     budget: Budget { ulp: 2.5, absolute: 0.0 },
+    fast: Fast { within: 1.0, budget: Budget { ulp: 8.0, absolute: 1e-6 } },
 };
 
 /// `acos`, of the argument clamped into [-1, 1]. 19 primitives: the two halves
@@ -31,6 +32,7 @@ pub const ACOS: Unary = Unary {
             .clamped(0.0, PI)
     },
     budget: Budget { ulp: 1.5, absolute: 0.0 },
+    fast: Fast { within: 1.0, budget: Budget { ulp: 8.0, absolute: 1e-6 } },
 };
 
 /// `atan`. 18 primitives: an odd polynomial of degree 17 on [0, 1] (relative
@@ -43,6 +45,7 @@ pub const ATAN: Unary = Unary {
             .clamped(-FRAC_PI_2, FRAC_PI_2)
     },
     budget: Budget { ulp: 2.0, absolute: 0.0 },
+    fast: Fast { within: LIMIT, budget: Budget { ulp: 8.0, absolute: 1e-6 } },
 };
 
 /// (asin s / s - 1) / s^2, in powers of s^2.

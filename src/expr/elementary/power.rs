@@ -20,7 +20,7 @@ use std::f32::consts::{LN_2, LOG2_E, SQRT_2};
 
 use super::{enclosure, horner};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
-use crate::expr::function::{Binary, Budget, Unary};
+use crate::expr::function::{Binary, Budget, Fast, Unary};
 use crate::expr::interval::Interval;
 use crate::expr::tape::{Native, Value};
 
@@ -30,6 +30,7 @@ pub const SQRT: Unary = Unary {
     build: sqrt,
     range: |x| x.clamped(0.0, f32::INFINITY).increasing(f32::sqrt),
     budget: Budget { ulp: 0.5, absolute: 0.0 },
+    fast: Fast { within: LIMIT, budget: Budget { ulp: 5.0, absolute: 1.1e-19 } },
 };
 
 /// `pow`: |x|^y, with a minus sign where x is negative and y an odd integer, so
@@ -44,8 +45,13 @@ pub const SQRT: Unary = Unary {
 /// |y| <= 1024; 20 for a constant base, 13 for base 2; 47 to 49 for a constant
 /// exponent, and 1 to 4 for the exponents -2, -1, -1/2, 0, 1/2, 1, 2, 3 and 4. The
 /// absolute part of the budget is what x^(1/2) makes of subnormals.
-pub const POW: Binary =
-    Binary { meaning, build: pow, range, budget: Budget { ulp: 3.5, absolute: 1.1e-19 } };
+pub const POW: Binary = Binary {
+    meaning,
+    build: pow,
+    range,
+    budget: Budget { ulp: 3.5, absolute: 1.1e-19 },
+    fast: Fast { within: 16.0, budget: Budget { ulp: 500.0, absolute: 1.1e-19 } },
+};
 
 /// The logarithm of 0: far enough to decide any exponent that means something,
 /// near enough that its product with any other stays finite, and a power of two,

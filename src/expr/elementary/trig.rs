@@ -12,7 +12,7 @@ use std::f32::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
 use super::{enclosure, horner};
 use crate::expr::builder::Builder;
-use crate::expr::function::{Budget, Unary};
+use crate::expr::function::{Budget, Fast, Unary};
 use crate::expr::interval::Interval;
 use crate::expr::tape::Value;
 
@@ -34,6 +34,7 @@ pub const SIN: Unary = Unary {
         }
     },
     budget: Budget { ulp: 2.0, absolute: 0.0 },
+    fast: Fast { within: 8.0, budget: Budget { ulp: 2.0, absolute: 2e-6 } },
 };
 
 /// `cos`, of the argument clamped into ±1e5. 19 primitives: the same polynomial,
@@ -50,6 +51,7 @@ pub const COS: Unary = Unary {
         }
     },
     budget: Budget { ulp: 2.1, absolute: 0.0 },
+    fast: Fast { within: 8.0, budget: Budget { ulp: 2.1, absolute: 2e-6 } },
 };
 
 /// `tan`, of the argument clamped into ±1e5. 19 primitives: one quotient
@@ -69,6 +71,7 @@ pub const TAN: Unary = Unary {
         }
     },
     budget: Budget { ulp: 3.2, absolute: 0.0 },
+    fast: Fast { within: 1.0, budget: Budget { ulp: 8.0, absolute: 2e-6 } },
 };
 
 /// No tangent of an `f32` within ±[`ARGUMENT_MAX`] is greater.

@@ -1,79 +1,45 @@
-//! One suite for every back end: each is held to the scalar meaning of the
+//! The cases, generic over the back end: each is held to the scalar meaning of the
 //! tapes (bit for bit where it promises that) and to the exact meaning of the
-//! trees in f64.
+//! trees in f64, within what it promises.
 
-mod fixture;
-
-use tamis::backend::{Agreement, Backend, Filtered, Interpreter, Jit, Rect, oracle};
+use tamis::backend::{ACCURACY, Agreement, Backend, Filtered, Interpreter, Rect, oracle};
 use tamis::expr::tape::{Axis, Input, Side};
 use tamis::expr::{Feature, Op, Quantity, Symbol, Tree, codebook};
 use tamis::plan::{PASSES, Passes, Plan, Source, Stage, Window};
 use tamis::scene::Scene;
 use tamis::scene::facts::Facts;
 
-use fixture::{parse, scene};
+use crate::fixture::{self, parse, scene};
 
-/// One line per back end instantiates the suite.
-macro_rules! conformance {
-    ($name:ident, $backend:expr) => {
-        mod $name {
-            #[test]
-            fn every_operator() {
-                super::every_operator(&$backend);
-            }
+/// A case that every back end must pass.
+pub(crate) struct Case {
+    pub(crate) name: &'static str,
+    pub(crate) check: fn(&dyn Backend),
+}
 
-            #[test]
-            fn every_term() {
-                super::every_term(&$backend);
-            }
-
-            #[test]
-            fn named_filters() {
-                super::named_filters(&$backend);
-            }
-
-            #[test]
-            fn windows_and_shapes() {
-                super::windows_and_shapes(&$backend);
-            }
-
-            #[test]
-            fn rectangles_give_what_the_whole_gives() {
-                super::rectangles_give_what_the_whole_gives(&$backend);
-            }
-
-            #[test]
-            fn several_weights_in_one_plan() {
-                super::several_weights_in_one_plan(&$backend);
-            }
-
-            #[test]
-            fn untrusted_sums_keep_the_noisy_colour() {
-                super::untrusted_sums_keep_the_noisy_colour(&$backend);
-            }
-
-            #[test]
-            fn a_constant_image_stays_constant() {
-                super::a_constant_image_stays_constant(&$backend);
-            }
-
-            #[test]
-            fn passes_change_cost_not_meaning() {
-                super::passes_change_cost_not_meaning(&$backend);
-            }
-        }
+macro_rules! cases {
+    ($($name:ident)*) => {
+        /// Every case.
+        pub(crate) const CASES: &[Case] =
+            &[$(Case { name: stringify!($name), check: $name }),*];
     };
 }
 
-conformance!(interp, tamis::backend::Interpreter);
-conformance!(jit, super::jit(tamis_jit::Chains::Four));
-conformance!(jit_of_one_chain, super::jit(tamis_jit::Chains::One));
-
-fn jit(chains: tamis_jit::Chains) -> Jit {
-    Jit::new().expect("the host has a code generator").with_chains(chains)
+cases! {
+    every_operator
+    every_term
+    named_filters
+    bred_trees
+    windows_and_shapes
+    rectangles_give_what_the_whole_gives
+    several_weights_in_one_plan
+    untrusted_sums_keep_the_noisy_colour
+    a_constant_image_stays_constant
+    passes_change_cost_not_meaning
+    threads_do_not_matter
 }
 
-fn plan(weights: &[Tree], window: Window, scene: &Scene, passes: Passes) -> Plan {
+pub(crate) fn plan(weights: &[Tree], window: Window, scene: &Scene, passes: Passes) -> Plan {
     Plan::new(weights, window, &Facts::of(scene), passes).expect("the fixture has every feature")
 }
 
@@ -151,9 +117,17 @@ fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
     filtered
 }
 
-fn run(backend: &dyn Backend, plan: &Plan, scene: &Scene) -> Vec<Filtered> {
+pub(crate) fn run(backend: &dyn Backend, plan: &Plan, scene: &Scene) -> Vec<Filtered> {
     let code = backend.compile(plan).expect("compiles");
     code.run(scene, &[Rect::whole(scene)]).expect("runs")
+}
+
+/// The greatest relative difference from the exact filter that a back end may show.
+fn accuracy(backend: &dyn Backend) -> f64 {
+    match backend.agreement() {
+        Agreement::Bits => ACCURACY,
+        Agreement::Budget(budget) => budget,
+    }
 }
 
 /// Holds a back end to the scalar meaning and to the oracle on one weight.
@@ -161,8 +135,9 @@ fn check(backend: &dyn Backend, scene: &Scene, text: &str, window: Window) {
     let weight = parse(text);
     let plan = plan(std::slice::from_ref(&weight), window, scene, Passes::ALL);
     let got = run(backend, &plan, scene);
-    agree(backend, &got, &scalar(&plan, scene), text);
-
+    if backend.agreement() == Agreement::Bits {
+        assert!(got == scalar(&plan, scene), "{} differs on {text}", backend.name());
+    }
     let stage = Stage { weight, window, source: Source::Color };
     let exact = oracle::filter(scene, &stage, Rect::whole(scene));
     for (k, (got, exact)) in got[0].pixels.iter().zip(&exact).enumerate() {
@@ -176,7 +151,7 @@ fn check(backend: &dyn Backend, scene: &Scene, text: &str, window: Window) {
             let scale = exact.color[c].abs().max(exact.brightest[c] * (condition - 1.0));
             let error = (f64::from(got) - exact.color[c]).abs();
             assert!(
-                error <= tamis::backend::ACCURACY * condition * scale.max(1e-30),
+                error <= accuracy(backend) * condition * scale.max(1e-30),
                 "{text}: pixel {k} channel {c} is {got} instead of {} (condition {condition})",
                 exact.color[c]
             );
@@ -184,6 +159,8 @@ fn check(backend: &dyn Backend, scene: &Scene, text: &str, window: Window) {
     }
 }
 
+/// Asserts that two results are the same as far as the back end promises: to the
+/// bit, or within its budget (twice, where both are its own).
 fn agree(backend: &dyn Backend, got: &[Filtered], expected: &[Filtered], what: &str) {
     match backend.agreement() {
         Agreement::Bits => assert!(got == expected, "{} differs on {what}", backend.name()),
@@ -191,7 +168,7 @@ fn agree(backend: &dyn Backend, got: &[Filtered], expected: &[Filtered], what: &
             for (got, expected) in got.iter().zip(expected) {
                 for (g, e) in got.pixels.iter().flatten().zip(expected.pixels.iter().flatten()) {
                     let error = f64::from((g - e).abs());
-                    assert!(error <= budget * f64::from(e.abs()), "{what}: {g} instead of {e}");
+                    assert!(error <= 2.0 * budget * f64::from(e.abs()), "{what}: {g}, not {e}");
                 }
             }
         }
@@ -283,7 +260,8 @@ fn several_weights_in_one_plan(backend: &dyn Backend) {
     let together = run(backend, &plan(&weights, window, &scene, Passes::ALL), &scene);
     for (weight, together) in weights.iter().zip(&together) {
         let alone = plan(std::slice::from_ref(weight), window, &scene, Passes::ALL);
-        assert!(run(backend, &alone, &scene)[0] == *together, "{weight}");
+        let alone = run(backend, &alone, &scene);
+        agree(backend, &alone, std::slice::from_ref(together), &weight.to_string());
     }
 }
 
@@ -332,10 +310,10 @@ fn passes_change_cost_not_meaning(backend: &dyn Backend) {
         for (passes, name, exact) in others {
             let off = run(backend, &plan(passes), &scene);
             for (on, off) in all[0].pixels.iter().flatten().zip(off[0].pixels.iter().flatten()) {
-                let same = if exact {
+                let same = if exact && backend.agreement() == Agreement::Bits {
                     on == off
                 } else {
-                    f64::from((on - off).abs()) <= 2.0 * tamis::backend::ACCURACY * f64::from(*on)
+                    f64::from((on - off).abs()) <= 2.0 * accuracy(backend) * f64::from(*on)
                 };
                 assert!(same, "{tree} without {name}: {off} instead of {on}");
             }
@@ -343,27 +321,27 @@ fn passes_change_cost_not_meaning(backend: &dyn Backend) {
     }
 }
 
-#[test]
-fn the_interpreter_and_machine_code_agree_on_bred_trees() {
+fn bred_trees(backend: &dyn Backend) {
     let scene = scene(61, 6, 9);
-    let jit = jit(tamis_jit::Chains::Four);
     for text in fixture::bred() {
-        let plan = plan(&[parse(text)], Window::dense(3), &scene, Passes::ALL);
-        let interpreted = run(&Interpreter, &plan, &scene);
-        assert!(interpreted == run(&jit, &plan, &scene), "{text}");
-        let finite = interpreted[0].pixels.iter().flatten().all(|x| x.is_finite());
-        assert!(finite, "{text}");
+        let window = Window::dense(3);
+        check(backend, &scene, text, window);
+        let plan = plan(&[parse(text)], window, &scene, Passes::ALL);
+        let got = run(backend, &plan, &scene);
+        if backend.agreement() == Agreement::Bits {
+            assert!(run(&Interpreter, &plan, &scene) == got, "{text}");
+        }
+        assert!(got[0].pixels.iter().flatten().all(|x| x.is_finite()), "{text}");
     }
 }
 
-#[test]
-fn the_result_does_not_depend_on_the_number_of_threads() {
+fn threads_do_not_matter(backend: &dyn Backend) {
     let scene = scene(64, 30, 10);
     let weight = codebook::named("kan2017").expect("listed").clone();
     let plan = plan(&[weight], Window::dense(5), &scene, Passes::ALL);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| run(&Interpreter, &plan, &scene))
+        pool.install(|| run(backend, &plan, &scene))
     };
     let one = on(1);
     assert!(one == on(2) && one == on(5));

@@ -1,0 +1,125 @@
+//! Every row of the operator table on the GPU, held to its budget: the exact one,
+//! or, within the row's bounds, that of fast shaders.
+//!
+//! WGSL lets a device take subnormal numbers for zero, so a result may also be
+//! that of operands with their subnormals flushed, and be flushed itself.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use tamis::backend::gpu::{Gpu, Options};
+use tamis::backend::wgsl::Precision;
+use tamis::expr::Op;
+use tamis::expr::builder::{Builder, LIMIT, Rules};
+use tamis::expr::function::Budget;
+use tamis::expr::interval::Interval;
+use tamis::expr::op::Form;
+use tamis::expr::tape::Input;
+
+pub(crate) const CASES: &[(&str, fn())] = &[("gpu::rows_exact", exact), ("gpu::rows_fast", fast)];
+
+const SAMPLES: usize = 1 << 18;
+
+fn exact() {
+    rows(Precision::Exact);
+}
+
+fn fast() {
+    rows(Precision::Fast);
+}
+
+fn rows(precision: Precision) {
+    let gpu = Gpu::open(&Options { precision, ..Options::default() }).expect("a GPU");
+    let mut failures = Vec::new();
+    for &op in Op::ALL {
+        let fast = precision == Precision::Fast;
+        let (operands, budget, within) = match op.row().form {
+            Form::Unary(f) if fast => (1, f.fast.budget, f.fast.within),
+            Form::Unary(f) => (1, f.budget, LIMIT),
+            Form::Binary(f) if fast => (2, f.fast.budget, f.fast.within),
+            Form::Binary(f) => (2, f.budget, LIMIT),
+            // Three components at i and three at j; budgets are for unit vectors.
+            Form::Vectors(f) => (6, f.budget, 1.0),
+        };
+        let mut b = Builder::new(Rules::ALL);
+        let range = Interval::new(-within, within);
+        let inputs: Vec<_> =
+            (0..operands).map(|k| b.input(Input::PerPixel(k as u32), range)).collect();
+        let result = match op.row().form {
+            Form::Unary(f) => (f.build)(&mut b, inputs[0]),
+            Form::Binary(f) => (f.build)(&mut b, inputs[0], inputs[1]),
+            Form::Vectors(f) => {
+                let pairs: Vec<_> = (0..3).map(|k| (inputs[k], inputs[k + 3])).collect();
+                (f.build)(&mut b, &pairs)
+            }
+        };
+        let tape = b.finish(&[result]);
+        let columns = samples(op, operands, within);
+        let slices: Vec<&[f32]> = columns.iter().map(Vec::as_slice).collect();
+        let got = gpu.evaluate(&tape, &slices).expect("evaluates").swap_remove(0);
+        let mut worst = 0.0_f64;
+        for (k, &got) in got.iter().enumerate() {
+            let row: Vec<f32> = columns.iter().map(|column| column[k]).collect();
+            let exact = meaning(op, &row);
+            let flushed: Vec<f32> = row.iter().map(|&x| flush(x)).collect();
+            let right = allows(budget, got, exact) || allows(budget, got, meaning(op, &flushed));
+            if !right && failures.len() < 20 {
+                failures.push(format!("{op:?} {row:?} = {got:e}, not {exact:e}"));
+            }
+            if exact.abs() > budget.absolute {
+                let error = (f64::from(got) - exact).abs();
+                worst = worst.max(if error > budget.absolute { error / exact.abs() } else { 0.0 });
+            }
+        }
+        println!("{precision:?} {:<14} worst relative error {worst:.2e}", op.name());
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+fn flush(x: f32) -> f32 {
+    if x.is_subnormal() { 0.0 } else { x }
+}
+
+fn allows(budget: Budget, got: f32, exact: f64) -> bool {
+    let subnormal = exact.abs() < f64::from(f32::MIN_POSITIVE) && got == 0.0;
+    budget.allows(got, exact) || subnormal
+}
+
+fn meaning(op: Op, row: &[f32]) -> f64 {
+    let row: Vec<f64> = row.iter().map(|&x| f64::from(x)).collect();
+    match op.row().form {
+        Form::Unary(f) => (f.meaning)(row[0]),
+        Form::Binary(f) => (f.meaning)(row[0], row[1]),
+        Form::Vectors(f) => (f.meaning)(&[(row[0], row[3]), (row[1], row[4]), (row[2], row[5])]),
+    }
+}
+
+/// Columns of operands: bit patterns of all magnitudes, numbers near one, integers
+/// and their neighbours, zeros; for a power also exponents that make moderate ones.
+fn samples(op: Op, operands: usize, within: f32) -> Vec<Vec<f32>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(op as u64);
+    let mut number = |k: usize| -> f32 {
+        let x = match k % 4 {
+            0 => f32::from_bits(rng.random_range(0..=within.to_bits())),
+            1 => rng.random_range(0.0..within.min(4.0)),
+            2 => rng.random_range(0.0..within.min(100.0)),
+            _ => {
+                let whole = rng.random_range(0..=(within.min(40.0) as i32)) as f32;
+                [whole.next_down().abs(), whole, whole.next_up().min(within)][k / 4 % 3]
+            }
+        };
+        if rng.random() { x } else { -x }
+    };
+    let mut columns: Vec<Vec<f32>> = (0..operands)
+        .map(|column| (0..SAMPLES).map(|k| number(k + column * (k / 7))).collect())
+        .collect();
+    if op == Op::Pow {
+        for k in (0..SAMPLES).step_by(2) {
+            let x = columns[0][k];
+            let y = rng.random_range(-130.0..62.0) / f64::from(x).abs().log2();
+            if y.is_finite() {
+                columns[1][k] = (y as f32).clamp(-within, within);
+            }
+        }
+    }
+    columns
+}
