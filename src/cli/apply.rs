@@ -27,6 +27,14 @@ pub(super) fn reach(filter: &Filter) -> usize {
     filter.stages.iter().map(|stage| stage.window.reach() as usize).max().unwrap_or(0)
 }
 
+/// The one stage of a filter that can be applied.
+pub(super) fn stage(filter: &Filter) -> Result<&Stage, Error> {
+    match filter.stages.as_slice() {
+        [stage @ Stage { source: Source::Color, .. }] => Ok(stage),
+        stages => Err(Error::Stages { filter: filter.name.clone(), stages: stages.len() }),
+    }
+}
+
 /// Filters a scene that was loaded with the filter's [`needs`] and [`reach`].
 pub(super) fn apply(
     filter: &Filter,
@@ -34,9 +42,7 @@ pub(super) fn apply(
     backend: &dyn Backend,
     passes: Passes,
 ) -> Result<Applied, Error> {
-    let [Stage { weight, window, source: Source::Color }] = filter.stages.as_slice() else {
-        return Err(Error::Stages { filter: filter.name.clone(), stages: filter.stages.len() });
-    };
+    let Stage { weight, window, source: _ } = stage(filter)?;
     scene.require(&needs(filter))?;
     let (scene_name, filter_name) = (scene.name(), &filter.name);
     let failed =

@@ -70,11 +70,31 @@ pub(super) enum Error {
         /// How many it has.
         stages: usize,
     },
+    /// Some of several inputs are not there.
+    #[error("nothing was done, as {missing} of {of} inputs cannot be found:{listing}")]
+    MissingInputs {
+        /// How many.
+        missing: usize,
+        /// Of how many.
+        of: usize,
+        /// Each with the system's reason, on a line of its own.
+        listing: String,
+    },
+    /// Some of several frames failed, each with an error of its own.
+    #[error("{failed} of {of} frames failed")]
+    Frames {
+        /// How many.
+        failed: usize,
+        /// Of how many.
+        of: usize,
+    },
     /// The folder for results cannot be made.
-    #[error("{path}: cannot make the folder: {source}; choose another with --out")]
+    #[error("{path}: cannot make the folder: {source}; choose another with {option}")]
     Folder {
         /// The folder.
         path: String,
+        /// The option that names it.
+        option: &'static str,
         /// Why.
         source: io::Error,
     },
@@ -113,6 +133,8 @@ impl Error {
             | Self::Run { .. }
             | Self::NoMachineCode { .. }
             | Self::Stages { .. }
+            | Self::MissingInputs { .. }
+            | Self::Frames { .. }
             | Self::Folder { .. }
             | Self::Signal(_)
             | Self::Threads { .. }

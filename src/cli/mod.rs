@@ -59,6 +59,7 @@ struct CommandLine {
 const EXAMPLES: &str = "\
 Examples:
   tamis denoise render.exr -o clean.exr
+  tamis denoise frames/*.exr -o clean/
   tamis inspect render.exr
   tamis compare clean.exr reference.exr
   tamis evolve --preset quick --out out
@@ -68,7 +69,7 @@ Exit status: 0 done, 1 the work failed, 2 the command line is wrong.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Filter a noisy image with the features in its file
+    /// Filter noisy images with the features in their files
     Denoise(denoise::Denoise),
     /// Search for a filter on training scenes
     Evolve(evolve::Evolve),

@@ -147,8 +147,11 @@ impl Evolve {
     }
 
     fn make_folder(&self) -> Result<(), Error> {
-        std::fs::create_dir_all(&self.out)
-            .map_err(|source| Error::Folder { path: self.out.display().to_string(), source })
+        std::fs::create_dir_all(&self.out).map_err(|source| Error::Folder {
+            path: self.out.display().to_string(),
+            option: "--out",
+            source,
+        })
     }
 
     /// Runs the search to its end, however that comes.

@@ -1,0 +1,136 @@
+//! `tamis denoise`: filters one image, or several: a single one is a sequence
+//! of one.
+
+mod files;
+mod form;
+mod frame;
+mod pipeline;
+mod progress;
+mod timings;
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+
+use super::apply::stage;
+use super::error::Error;
+use super::log::Log;
+use super::options::Running;
+use super::resolve::resolve;
+use super::shipped;
+use files::Files;
+use form::Form;
+use frame::Job;
+use pipeline::Pipeline;
+use progress::Progress;
+
+/// Frames in the filter stage: filtering one keeps every thread of a CPU busy.
+const FILTERED_AT_A_TIME: NonZeroUsize = NonZeroUsize::MIN;
+
+const EXAMPLES: &str = "\
+Examples:
+  tamis denoise render.exr -o clean.exr
+  tamis denoise render.exr -o clean.png --filter kan2017
+  tamis denoise frames/*.exr -o clean/
+  tamis denoise frames/*.exr -o preview/ --format png --timings
+  tamis denoise render.exr -o clean.exr --filter out/best.toml --radius 6
+  tamis denoise render.exr -o clean.exr \\
+      --filter 'exp(-distance2(normal, normal) / 0.1 - distance2(texture, texture) / 0.02)'
+
+Only the channels that the filter reads are decoded.
+
+Several images are filtered one after another; meanwhile the next is loaded and
+the one before is written, so there are at most three in memory. One that fails
+does not stop the others; the exit status is then 1.";
+
+/// Filter noisy images with the features in their files.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Denoise {
+    /// The noisy images, with the features that the filter reads
+    #[arg(required = true, num_args = 1.., value_name = "IN.exr")]
+    inputs: Vec<PathBuf>,
+
+    /// Where the result goes: OpenEXR (linear R, G, B), or PNG (tone-mapped) by
+    /// the name's ending; or a folder, where results have their inputs' names,
+    /// and which is made if its name ends in /
+    #[arg(long, short, value_name = "OUT.exr|DIR/")]
+    output: PathBuf,
+
+    /// What results in a folder are written as [default: exr]
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    format: Option<Form>,
+
+    /// A filter's name (see `tamis filters`), a filter file, or an expression
+    #[arg(long, short, value_name = "NAME|FILE|EXPRESSION", default_value_t = shipped::default_name(), allow_hyphen_values = true)]
+    filter: String,
+
+    #[command(flatten)]
+    running: Running,
+
+    /// Say what each step took
+    #[arg(long)]
+    timings: bool,
+}
+
+impl Denoise {
+    pub(super) fn run(&self, log: Log) -> Result<String, Error> {
+        let files = Files::of(&self.inputs, &self.output, self.format)?;
+        let filter = resolve(&self.filter, self.running.radius)?;
+        stage(&filter)?;
+        let backend = self.running.backend.open()?;
+        let job = Job {
+            filter: &filter,
+            backend: &*backend,
+            passes: self.running.passes(),
+            options: self.running.load_options(),
+            form: files.form(),
+        };
+
+        let start = Instant::now();
+        let several = files.len() > 1;
+        let progress = Progress::new(log, files.len());
+        let mut timings = Vec::with_capacity(files.len());
+        let run = Pipeline::new(FILTERED_AT_A_TIME).run(
+            files.len(),
+            |frame| job.load(files.frame(frame)),
+            |_, loaded| job.filter(loaded),
+            |frame, filtered| {
+                let written = match filtered {
+                    Ok(filtered) => {
+                        // Without it no result has a place to go.
+                        files.make_folder()?;
+                        job.write(files.frame(frame), filtered)
+                    }
+                    Err(error) => Err(error),
+                };
+                match written {
+                    Ok(written) => {
+                        progress.aside(|| {
+                            written.remarks.iter().for_each(|remark| log.say(remark));
+                            if self.timings {
+                                log.say(written.timings);
+                            }
+                        });
+                        timings.push(written.timings);
+                    }
+                    Err(error) if several => progress.aside(|| log.error(&error)),
+                    Err(error) => return Err(error),
+                }
+                progress.advance(frame + 1);
+                Ok(())
+            },
+        );
+        progress.finish();
+        run?;
+        if self.timings && several && !timings.is_empty() {
+            log.say(timings::summary(&timings, start.elapsed()));
+        }
+        match files.len() - timings.len() {
+            0 => Ok(String::new()),
+            failed => Err(Error::Frames { failed, of: files.len() }),
+        }
+    }
+}

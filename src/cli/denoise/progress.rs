@@ -1,0 +1,57 @@
+//! How far a run over several frames is: a line that redraws itself on a
+//! terminal. Elsewhere the frames' own remarks tell.
+
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::cli::log::Log;
+use crate::report::number;
+
+pub(super) struct Progress {
+    started: Instant,
+    frames: usize,
+    bar: Option<ProgressBar>,
+}
+
+impl Progress {
+    pub(super) fn new(log: Log, frames: usize) -> Self {
+        let bar = (frames > 1 && log.live()).then(|| {
+            let bar = ProgressBar::new(frames as u64);
+            let style = ProgressStyle::with_template("{wide_bar:.cyan/238} {msg}")
+                .expect("the template is well-formed");
+            bar.set_style(style.progress_chars("━╸─"));
+            bar.enable_steady_tick(Duration::from_millis(200));
+            bar
+        });
+        Self { started: Instant::now(), frames, bar }
+    }
+
+    /// Clears the line while others write theirs.
+    pub(super) fn aside(&self, say: impl FnOnce()) {
+        match &self.bar {
+            Some(bar) => bar.suspend(say),
+            None => say(),
+        }
+    }
+
+    /// Shows that so many frames are done.
+    pub(super) fn advance(&self, done: usize) {
+        let Some(bar) = &self.bar else { return };
+        let each = self.started.elapsed().div_f64(done.max(1) as f64);
+        bar.set_position(done as u64);
+        bar.set_message(format!(
+            "frame {done}/{}  {} per frame  {} left",
+            self.frames,
+            number::duration(each),
+            number::clock(each.mul_f64((self.frames - done) as f64)),
+        ));
+    }
+
+    /// Clears the line.
+    pub(super) fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
