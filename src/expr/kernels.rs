@@ -67,6 +67,7 @@ fn mitchell(b: &mut Builder, x: Value) -> Value {
     let slope = horner(b, a, &[-2.0, 7.0 / 6.0]);
     let peak = b.constant(8.0 / 9.0);
     let inner = b.fma(a_squared, slope, peak);
+    b.pin(inner);
 
     let t = b.sub(two, a);
     let t_squared = b.mul(t, t);

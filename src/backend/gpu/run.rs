@@ -94,13 +94,22 @@ impl Compiled {
         let reach = self.plan.window().reach() as usize;
         let mut all = Vec::new();
         for (k, &rect) in region.iter().enumerate() {
-            let tiles = tiles(rect, scene.layout(), reach, &fits).map_err(|tile| {
-                let needed = SLOTS * needs(&tile).total();
-                GpuError::TooLittleMemory { available: self.gpu.max_memory, needed }
-            })?;
+            let tiles = tiles(rect, scene.layout(), reach, &fits);
+            let tiles = tiles.map_err(|_| self.too_little_memory(scene, rect))?;
             all.extend(tiles.into_iter().map(|tile| (k, tile)));
         }
         Ok(all)
+    }
+
+    /// What the pixel that needs most of all would need.
+    fn too_little_memory(&self, scene: &Scene, rect: Rect) -> GpuError {
+        let extent = 2 * self.plan.window().reach() as usize + 1;
+        let layout = scene.layout();
+        let (width, height) = (extent.min(layout.width()), extent.min(layout.height()));
+        let rect = Rect { width: 1, height: 1, ..rect };
+        let tile = Tile { rect, region: Rect { x: 0, y: 0, width, height } };
+        let needs = needs(&self.shader, self.loads, self.weights(), &tile);
+        GpuError::TooLittleMemory { available: self.gpu.max_memory, needed: SLOTS * needs.total() }
     }
 
     /// Packs a tile and gives it to the device.

@@ -49,6 +49,7 @@ fn exp(b: &mut Builder, x: Value) -> Value {
     let tail = horner(b, r, &TAIL);
     let slope = b.fma(tail, r, one);
     let power = b.fma(slope, r, one);
+    b.pin(power);
     let scale = b.exp2i(n);
     let power = b.mul(power, scale);
     b.stands_for(power, Native::Exp2, t);
