@@ -5,6 +5,7 @@ use std::num::NonZeroUsize;
 
 use crate::backend::BackendError;
 use crate::evolve;
+use crate::export::ExportError;
 use crate::plan::PlanError;
 use crate::plan::file::FilterFileError;
 use crate::scene::SceneError;
@@ -70,6 +71,9 @@ pub(super) enum Error {
         /// How many it has.
         stages: usize,
     },
+    /// A filter could not be exported.
+    #[error(transparent)]
+    Export(#[from] ExportError),
     /// The folder for results cannot be made.
     #[error("{path}: cannot make the folder: {source}; choose another with --out")]
     Folder {
@@ -113,6 +117,7 @@ impl Error {
             | Self::Run { .. }
             | Self::NoMachineCode { .. }
             | Self::Stages { .. }
+            | Self::Export(_)
             | Self::Folder { .. }
             | Self::Signal(_)
             | Self::Threads { .. }
