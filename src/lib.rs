@@ -49,12 +49,14 @@
 //! - [`plan`]: the passes; filters and their files.
 //! - [`backend`]: interpreter, machine code, and the exact oracle.
 //! - [`evolve`]: the search.
+//! - [`export`]: filters as code and equations for others.
 //!
 //! Floors and reasons are in `ARCHITECTURE.md`.
 
 pub mod backend;
 pub mod cli;
 pub mod evolve;
+pub mod export;
 pub mod expr;
 pub mod plan;
 pub mod report;

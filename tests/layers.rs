@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// The floors, lowest first; rooms on one floor do not know each other.
 const FLOORS: &[&[&str]] =
-    &[&["expr"], &["scene"], &["plan"], &["backend"], &["evolve", "report"], &["cli"]];
+    &[&["expr"], &["scene"], &["plan"], &["backend"], &["evolve", "export", "report"], &["cli"]];
 
 fn floor(room: &str) -> Option<usize> {
     FLOORS.iter().position(|rooms| rooms.contains(&room))

@@ -5,6 +5,7 @@ use std::num::NonZeroUsize;
 
 use crate::backend::BackendError;
 use crate::evolve;
+use crate::export::ExportError;
 use crate::plan::PlanError;
 use crate::plan::file::FilterFileError;
 use crate::scene::SceneError;
@@ -88,6 +89,9 @@ pub(super) enum Error {
         /// Of how many.
         of: usize,
     },
+    /// A filter could not be exported.
+    #[error(transparent)]
+    Export(#[from] ExportError),
     /// The folder for results cannot be made.
     #[error("{path}: cannot make the folder: {source}; choose another with {option}")]
     Folder {
@@ -135,6 +139,7 @@ impl Error {
             | Self::Stages { .. }
             | Self::MissingInputs { .. }
             | Self::Frames { .. }
+            | Self::Export(_)
             | Self::Folder { .. }
             | Self::Signal(_)
             | Self::Threads { .. }

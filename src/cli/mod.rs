@@ -2,7 +2,7 @@
 //!
 //! What holds of every command:
 //! - What it finds out goes to stdout, and nothing else does: a command
-//!   *returns* its text, and [`main`] prints it. Progress and remarks go to
+//!   *returns* its text (or bytes), and [`main`] prints it. Progress and remarks go to
 //!   stderr, through `Log`.
 //! - The exit status is 0 if the work is done, 1 if it failed, 2 if the command
 //!   line is wrong.
@@ -15,6 +15,7 @@ mod compare;
 mod denoise;
 mod error;
 mod evolve;
+mod export;
 mod filters;
 mod inspect;
 mod language;
@@ -83,14 +84,16 @@ enum Command {
     Inspect(inspect::Inspect),
     /// List the filters that have names
     Filters(filters::Filters),
+    /// Write a filter as code or equations to paste elsewhere
+    Export(export::Export),
     /// Explain the operators and features of expressions
     Language(language::Language),
 }
 
 impl Command {
     /// Does the work and returns what it found out.
-    fn run(&self, log: Log) -> Result<String, Error> {
-        match self {
+    fn run(&self, log: Log) -> Result<Vec<u8>, Error> {
+        let text = match self {
             Self::Denoise(command) => command.run(log),
             Self::Evolve(command) => command.run(log),
             Self::Compare(command) => command.run(),
@@ -98,8 +101,10 @@ impl Command {
             Self::Sheet(command) => command.run(log),
             Self::Inspect(command) => command.run(),
             Self::Filters(command) => command.run(),
+            Self::Export(command) => return command.run(),
             Self::Language(command) => command.run(),
-        }
+        };
+        text.map(String::into_bytes)
     }
 }
 
@@ -122,9 +127,9 @@ fn set_threads(threads: Option<NonZeroUsize>) -> Result<(), Error> {
     pool.build_global().map_err(|source| Error::Threads { threads, source })
 }
 
-fn print(text: String) -> Result<(), Error> {
+fn print(found: Vec<u8>) -> Result<(), Error> {
     let mut stdout = io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout.write_all(&found).and_then(|()| stdout.flush()) {
         // Whoever reads has read enough (`tamis … | head`).
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         result => result.map_err(Error::Stdout),

@@ -1,9 +1,9 @@
 //! The features of a pixel: one row each.
 //!
 //! A row says how a feature is spelled in expressions (its value, its gradient,
-//! its variance), how wide it is and which EXR channels hold it. The parser,
-//! the grammar, the loader, the passes and the documentation all read these
-//! rows; adding a feature is adding a row.
+//! its variance), how wide it is, which EXR channels hold it and what it is
+//! measured in. The parser, the grammar, the loader, the passes, the exports and
+//! the documentation all read these rows; adding a feature is adding a row.
 
 use std::fmt;
 
@@ -40,6 +40,20 @@ pub enum Quantity {
     Variance,
 }
 
+/// What a feature is measured in. Weights look at features in units of the
+/// picture itself; `scene::normalize` says how these are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Unit {
+    /// Its own, as the renderer has it.
+    Own,
+    /// Extents of the visible geometry, counted from its centre.
+    Place,
+    /// Extents of the visible geometry.
+    Length,
+    /// The image's exposure.
+    Light,
+}
+
 /// A row of the feature table.
 #[derive(Debug)]
 pub struct FeatureRow {
@@ -56,6 +70,8 @@ pub struct FeatureRow {
     pub variance_channels: &'static [&'static str],
     /// Number of components.
     pub width: usize,
+    /// What its values are measured in.
+    pub unit: Unit,
     /// One line for people.
     pub doc: &'static str,
 }
@@ -68,6 +84,7 @@ const TABLE: [FeatureRow; 8] = [
         channels: &["Position.X", "Position.Y", "Position.Z"],
         variance_channels: &["Position.Variance"],
         width: 3,
+        unit: Unit::Place,
         doc: "world-space position of the first hit, relative to the visible geometry's extent",
     },
     FeatureRow {
@@ -77,6 +94,7 @@ const TABLE: [FeatureRow; 8] = [
         channels: &["Normal.X", "Normal.Y", "Normal.Z"],
         variance_channels: &["Normal.Variance"],
         width: 3,
+        unit: Unit::Own,
         doc: "shading normal at the first hit",
     },
     FeatureRow {
@@ -86,6 +104,7 @@ const TABLE: [FeatureRow; 8] = [
         channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
         variance_channels: &["Albedo.Variance"],
         width: 3,
+        unit: Unit::Own,
         doc: "diffuse albedo at the first hit",
     },
     FeatureRow {
@@ -95,6 +114,7 @@ const TABLE: [FeatureRow; 8] = [
         channels: &["SecondaryAlbedo.R", "SecondaryAlbedo.G", "SecondaryAlbedo.B"],
         variance_channels: &["SecondaryAlbedo.Variance"],
         width: 3,
+        unit: Unit::Own,
         doc: "diffuse albedo seen through glossy or specular reflection",
     },
     FeatureRow {
@@ -104,6 +124,7 @@ const TABLE: [FeatureRow; 8] = [
         channels: &["Depth.Z"],
         variance_channels: &["Depth.Variance"],
         width: 1,
+        unit: Unit::Length,
         doc: "distance to the first hit, relative to the visible geometry's extent",
     },
     FeatureRow {
@@ -113,6 +134,7 @@ const TABLE: [FeatureRow; 8] = [
         channels: &["Direct.R", "Direct.G", "Direct.B"],
         variance_channels: &["Direct.Variance"],
         width: 3,
+        unit: Unit::Light,
         doc: "direct illumination at the first hit, relative to the image's exposure",
     },
     FeatureRow {
@@ -122,6 +144,7 @@ const TABLE: [FeatureRow; 8] = [
         channels: &["R", "G", "B"],
         variance_channels: &["Variance.R", "Variance.G", "Variance.B"],
         width: 3,
+        unit: Unit::Light,
         doc: "the noisy colour, relative to the image's exposure",
     },
     FeatureRow {
@@ -131,6 +154,7 @@ const TABLE: [FeatureRow; 8] = [
         channels: &[],
         variance_channels: &[],
         width: 2,
+        unit: Unit::Own,
         doc: "the pixel's coordinates, in pixels",
     },
 ];

@@ -19,6 +19,6 @@ pub mod tape;
 pub mod text;
 pub mod tree;
 
-pub use feature::{Feature, PlaneId, Quantity};
+pub use feature::{Feature, PlaneId, Quantity, Unit};
 pub use op::{Op, Sort};
 pub use tree::{Symbol, Tree};

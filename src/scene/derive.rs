@@ -3,6 +3,15 @@
 //! All of it from *normalised* features, so that it inherits their independence
 //! of units and exposure. Images are rows of `width` samples without padding.
 
+/// What [`gradient`] computes, for those who must compute it themselves.
+pub const GRADIENT: &str = "per component, the root of the squared differences in x and y, per \
+     pixel: central ones, one-sided at the borders";
+
+/// What [`estimate_variance`] computes, likewise.
+pub const ESTIMATE: &str = "A renderer that has no variances can estimate them from the values: \
+     what the least-squares plane through a pixel's 3 x 3 neighbourhood (edges repeated) leaves, \
+     squared, summed, divided by 6, and averaged over the components.";
+
 /// The magnitude of the gradient: central differences in x and y, one-sided at
 /// the borders, zero along an axis of one pixel. In units per pixel.
 pub fn gradient(samples: &[f32], width: usize) -> Vec<f32> {

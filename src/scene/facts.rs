@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 
 use super::Scene;
 use super::plane::{Plane, Samples};
-use crate::expr::feature::PlaneId;
+use crate::expr::builder::LIMIT;
+use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::expr::interval::Interval;
 
 /// What is known of one plane.
@@ -97,6 +98,19 @@ impl Facts {
     pub fn from_planes(planes: impl IntoIterator<Item = (PlaneId, Fact)>) -> Self {
         let known = planes.into_iter().filter(|(_, fact)| *fact != Fact::Absent);
         Self { planes: known.collect() }
+    }
+
+    /// What holds of every scene that has all features: samples lie within the
+    /// range that expressions compute in, and gradients and variances are not
+    /// negative. A plan made with these is right for all scenes.
+    pub fn of_any_scene() -> Self {
+        let range = |quantity| match quantity {
+            Quantity::Value => Interval::new(-LIMIT, LIMIT),
+            Quantity::Gradient | Quantity::Variance => Interval::new(0.0, LIMIT),
+        };
+        Self::from_planes(Feature::terms().flat_map(|(feature, quantity)| {
+            PlaneId::of(feature, quantity).map(move |id| (id, Fact::Range(range(quantity))))
+        }))
     }
 
     /// What is known of a plane.

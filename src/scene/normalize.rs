@@ -93,6 +93,19 @@ impl fmt::Display for Normalization {
     }
 }
 
+/// What [`exposure`] finds, for those who must find it themselves.
+pub const EXPOSURE: &str = "Exposure: the median of the noisy image's positive luminances, \
+     0.2126 R + 0.7152 G + 0.0722 B.";
+
+/// What [`geometry`] subtracts, likewise.
+pub const CENTER: &str =
+    "Centre: per axis, the median of the positions of the pixels that hit something.";
+
+/// What [`geometry`] and [`depth_extent`] divide by, likewise.
+pub const EXTENT: &str = "Extent: per axis, the distance between the 5th and the 95th percentile \
+     of the positions of the pixels that hit something; of the three, the greatest. Without \
+     positions: the 95th percentile of the depths' magnitudes, those of 0 left out.";
+
 /// The exposure of an image: the (lower) median of its positive luminances, by
 /// the primaries of Rec. 709; 1 for an image without any.
 pub fn exposure(rgb: [&[f32]; 3]) -> f32 {

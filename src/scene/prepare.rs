@@ -12,7 +12,7 @@ use super::raw::RawScene;
 use super::repair::{self, Repair};
 use super::{LoadOptions, Needs, Scene, SceneError, derive};
 use crate::expr::builder::LIMIT;
-use crate::expr::feature::{Feature, PlaneId, Quantity};
+use crate::expr::feature::{Feature, PlaneId, Quantity, Unit};
 
 /// Depths from here on may stand for "nothing hit" (Blender writes 1e10, which
 /// antialiasing can mix down; others 1e30 or infinity) …
@@ -220,31 +220,27 @@ impl Maker<'_> {
         let scale = |f: &dyn Fn(f32) -> f32, samples: &[f32]| -> Vec<f32> {
             samples.iter().map(|&x| f(x).clamp(-LIMIT, LIMIT)).collect()
         };
-        let components = raw.iter().enumerate().map(|(k, samples)| match feature {
-            Feature::WorldPosition => {
+        let components = raw.iter().enumerate().map(|(k, samples)| match feature.row().unit {
+            Unit::Place => {
                 let center = self.scales.center.unwrap_or_default()[k.min(2)];
                 let place = |(&x, &hit): (&f32, &bool)| {
                     if hit { ((x - center) / divisor).clamp(-LIMIT, LIMIT) } else { 0.0 }
                 };
                 samples.iter().zip(self.hit).map(place).collect()
             }
-            Feature::Color | Feature::DirIllumination => {
-                scale(&|x| self.scales.color_scale.apply(x / divisor), samples)
-            }
-            Feature::Depth => scale(&|x| x / divisor, samples),
-            Feature::Normal | Feature::Texture | Feature::SecTexture | Feature::Pixel => {
-                scale(&|x| x, samples)
-            }
+            Unit::Light => scale(&|x| self.scales.color_scale.apply(x / divisor), samples),
+            Unit::Length => scale(&|x| x / divisor, samples),
+            Unit::Own => scale(&|x| x, samples),
         });
         Some(components.collect())
     }
 
     /// What a feature's values are divided by.
     fn divisor(&self, feature: Feature) -> f32 {
-        match feature {
-            Feature::WorldPosition | Feature::Depth => self.scales.extent.unwrap_or(1.0),
-            Feature::Color | Feature::DirIllumination => self.scales.exposure,
-            Feature::Normal | Feature::Texture | Feature::SecTexture | Feature::Pixel => 1.0,
+        match feature.row().unit {
+            Unit::Place | Unit::Length => self.scales.extent.unwrap_or(1.0),
+            Unit::Light => self.scales.exposure,
+            Unit::Own => 1.0,
         }
     }
 
@@ -257,8 +253,7 @@ impl Maker<'_> {
             // Divided twice: the divisor's square may leave the range of f32.
             *v = (*v / divisor / divisor).max(0.0);
         }
-        let is_color = matches!(feature, Feature::Color | Feature::DirIllumination);
-        if is_color
+        if feature.row().unit == Unit::Light
             && self.scales.color_scale == ColorScale::Compressed
             && let Some(components) = self.raw.components(feature, Quantity::Value)
         {

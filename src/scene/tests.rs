@@ -122,6 +122,22 @@ fn assert_close(a: &Scene, b: &Scene, tolerance: f32) {
 }
 
 #[test]
+fn what_holds_of_any_scene_holds_of_each() {
+    let any = Facts::of_any_scene();
+    for color_scale in [ColorScale::Linear, ColorScale::Compressed] {
+        let options = LoadOptions { color_scale, ..LoadOptions::default() };
+        let mut negative = made();
+        let variance = (Feature::Normal, Quantity::Variance);
+        negative.features.insert(variance, vec![vec![-1.0; SIZE.0 * SIZE.1]]);
+        for scene in [prepared(made(), &options), prepared(negative, &options)] {
+            for (id, fact) in Facts::of(&scene).iter() {
+                assert_eq!(any.get(id).join(fact), any.get(id), "{id}");
+            }
+        }
+    }
+}
+
+#[test]
 fn what_is_constant_is_no_image_and_facts_enclose_the_rest() {
     let mut raw = made();
     raw.features.insert((Feature::Texture, Quantity::Value), vec![vec![0.25; SIZE.0 * SIZE.1]; 3]);

@@ -15,9 +15,35 @@ use super::print::{operands, spelling, starts};
 /// The expression in LaTeX's mathematical mode. A vector carries the pixel that
 /// it is read at as its index, as in the paper.
 pub fn latex(tree: &Tree) -> String {
+    typeset(tree, &starts(tree), tree.root(), Around::Enclosed)
+}
+
+/// The factors of a product in order, each with the parentheses that it needs
+/// beside a `\cdot`, for products that are set on several lines. What is no
+/// product is one factor.
+pub fn latex_factors(tree: &Tree) -> Vec<String> {
     let starts = starts(tree);
+    let Syntax::Infix(strength) = Op::Mul.row().syntax else { return vec![latex(tree)] };
+    let mut factors = Vec::new();
+    let mut left = vec![tree.root()];
+    while let Some(position) = left.pop() {
+        if tree.symbols()[position] == Symbol::Op(Op::Mul) {
+            left.extend(operands(Op::Mul, position, &starts).into_iter().rev());
+            continue;
+        }
+        let around = match (factors.is_empty(), left.is_empty()) {
+            (true, true) => Around::Enclosed,
+            (true, false) => Around::Left(strength),
+            (false, _) => Around::Right(strength),
+        };
+        factors.push(typeset(tree, &starts, position, around));
+    }
+    factors
+}
+
+fn typeset(tree: &Tree, starts: &[usize], root: usize, around: Around) -> String {
     let mut text = String::new();
-    let mut pieces = vec![Piece::Subtree(tree.root(), Around::Enclosed, "")];
+    let mut pieces = vec![Piece::Subtree(root, around, "")];
     while let Some(piece) = pieces.pop() {
         let (position, around, index) = match piece {
             Piece::Text(piece) => {
@@ -37,7 +63,7 @@ pub fn latex(tree: &Tree) -> String {
                 text.push_str(&format!(r"\mathrm{{{}}}{index}", spelling(symbol)));
             }
             Symbol::Op(op) => {
-                let roots = operands(op, position, &starts);
+                let roots = operands(op, position, starts);
                 pieces.extend(pattern(op).into_iter().rev().map(|piece| match piece {
                     Part::Text(piece) => Piece::Text(piece),
                     Part::Operand(k, around) => {

@@ -40,7 +40,7 @@ use super::op::Sort;
 use super::tree::Tree;
 
 pub use error::{Problem, TextError};
-pub use latex::latex;
+pub use latex::{latex, latex_factors};
 
 /// The sign of negative numbers, which is also the spelling of negation.
 const MINUS: &str = "-";

@@ -260,3 +260,25 @@ fn latex_follows_the_patterns() {
         assert_eq!(latex(&tree(text)), expected);
     }
 }
+
+#[test]
+fn a_product_falls_into_its_factors_however_it_is_nested() {
+    for (text, expected) in [
+        ("2", &["2"] as &[&str]),
+        ("1 + 2 * 3", &[r"1 + 2 \cdot 3"]),
+        (
+            "(1 + 2) * 3 * (4 - 5) / 6",
+            &[r"\frac{\left(1 + 2\right) \cdot 3 \cdot \left(4 - 5\right)}{6}"],
+        ),
+        (
+            "(1 + 2) * (3 * -(4)) * -5",
+            &[r"\left(1 + 2\right)", "3", r"\left(-4\right)", r"\left(-5\right)"],
+        ),
+        (
+            "-(1) * 2 * dot(normal, normal)",
+            &["-1", "2", r"\left(\mathrm{normal}_i \cdot \mathrm{normal}_j\right)"],
+        ),
+    ] {
+        assert_eq!(latex_factors(&tree(text)), expected, "{text}");
+    }
+}

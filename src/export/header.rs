@@ -1,0 +1,130 @@
+//! What whoever pastes an export must know: the first lines of every text.
+//!
+//! The filter, its window, and for everything that its weight looks at what the
+//! renderer must supply, in which units. All of it is read off the feature table
+//! and off what `scene` says of its own scales.
+
+use super::Subject;
+use super::term::Term;
+use crate::expr::builder::LIMIT;
+use crate::expr::feature::{Quantity, Unit};
+use crate::scene::{derive, normalize};
+
+/// Columns of a line, its comment marks not counted.
+const WIDTH: usize = 76;
+
+/// A comma and a blank that no line breaks at: operands stay together.
+const JOINED: &str = ",\u{a0}";
+
+/// The header: lines without comment marks, in which `called` names terms. The
+/// filter's name stands among them escaped and quoted, so it holds no line break;
+/// beyond that, a language must see to it that no line ends its comment.
+pub(super) fn lines(subject: &Subject<'_>, called: impl Fn(Term) -> String) -> Vec<String> {
+    let window = subject.plan.window();
+    let diameter = window.diameter();
+    let apart = match window.dilation {
+        1 => String::new(),
+        dilation => format!(", {dilation} pixels apart"),
+    };
+    // The name is not wrapped: it would not be the same with another blank in it.
+    let mut lines = vec![format!("Filter {:?}, exported by Tamis.", subject.name), String::new()];
+    lines.push("The weight of pixel j in the filtered colour of pixel i:".to_owned());
+    lines.push(String::new());
+    let weight = subject.weight.to_string().replace(", ", JOINED);
+    fill(&mut lines, 4, &weight);
+    lines.push(String::new());
+    let around = format!(
+        "Pixel j is one of the {diameter} x {diameter} around pixel i{apart}, if the image has it."
+    );
+    let averaged = "The colours that are averaged stay as they were rendered: linear R, G, B.";
+    fill(&mut lines, 0, &format!("{around} {averaged}"));
+
+    let terms = Term::of(&subject.plan);
+    if terms.is_empty() {
+        return lines;
+    }
+    lines.push(String::new());
+    let limit = format!("finite, within +-{LIMIT:e}, gradients and variances not negative");
+    let looks = format!("The weight looks at these numbers of a pixel ({limit}):");
+    fill(&mut lines, 0, &looks);
+    for &term in &terms {
+        lines.push(String::new());
+        lines.push(called(term));
+        fill(&mut lines, 4, &described(term));
+    }
+    for definition in definitions(&terms) {
+        lines.push(String::new());
+        fill(&mut lines, 0, definition);
+    }
+    lines
+}
+
+/// What a term is, and how it is brought into its unit.
+fn described(term: Term) -> String {
+    let row = term.row();
+    let (values, squares) = match row.unit {
+        Unit::Own => ("", ""),
+        Unit::Place => (
+            " Subtract the centre and divide by the extent; 0 where nothing is hit.",
+            " Divide it by the square of the extent.",
+        ),
+        Unit::Length => (
+            " Divide by the extent; 0 where nothing is hit.",
+            " Divide it by the square of the extent.",
+        ),
+        Unit::Light => (" Divide by the exposure.", " Divide it by the square of the exposure."),
+    };
+    match term.quantity {
+        Quantity::Value => format!("{}.{values}", capitalized(row.doc)),
+        Quantity::Gradient => {
+            let unit = match values {
+                "" => String::new(),
+                values => format!(" Of the values in their unit:{values}"),
+            };
+            format!("Gradient of `{}` ({}): {}.{unit}", row.name, row.doc, derive::GRADIENT)
+        }
+        Quantity::Variance => format!(
+            "Variance of `{}` ({}): that of the pixel's mean, averaged over the components.{squares}",
+            row.name, row.doc
+        ),
+    }
+}
+
+/// The scales that the terms are measured in, and where variances come from.
+fn definitions(terms: &[Term]) -> impl Iterator<Item = &'static str> {
+    let measured = |units: &[Unit]| terms.iter().any(|term| units.contains(&term.row().unit));
+    let values = |term: &&Term| term.quantity != Quantity::Variance;
+    let centered = terms.iter().filter(values).any(|term| term.row().unit == Unit::Place);
+    let estimated = terms.iter().any(|term| term.quantity == Quantity::Variance);
+    [
+        (centered, normalize::CENTER),
+        (measured(&[Unit::Place, Unit::Length]), normalize::EXTENT),
+        (measured(&[Unit::Light]), normalize::EXPOSURE),
+        (estimated, derive::ESTIMATE),
+    ]
+    .into_iter()
+    .filter_map(|(told, definition)| told.then_some(definition))
+}
+
+fn capitalized(text: &str) -> String {
+    let mut rest = text.chars();
+    rest.next().map_or_else(String::new, |first| first.to_uppercase().chain(rest).collect())
+}
+
+/// Adds a text as lines that are indented and no longer than [`WIDTH`] where its
+/// words allow that.
+pub(super) fn fill(lines: &mut Vec<String>, indent: usize, text: &str) {
+    let mut line = String::new();
+    for word in text.split([' ', '\n']) {
+        if !line.is_empty() && line.len() + 1 + word.len() > WIDTH {
+            lines.push(std::mem::take(&mut line));
+        }
+        if line.is_empty() {
+            line = " ".repeat(indent);
+        } else {
+            line.push(' ');
+        }
+        line.push_str(&word.replace(JOINED, ", "));
+    }
+    lines.push(line);
+}
