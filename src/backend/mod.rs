@@ -134,7 +134,7 @@ pub enum BackendError {
 }
 
 /// Something that turns plans into code.
-pub trait Backend: Sync {
+pub trait Backend: Send + Sync {
     /// What `--backend` calls it.
     fn name(&self) -> &'static str;
 

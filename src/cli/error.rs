@@ -60,6 +60,14 @@ pub(super) enum Error {
         /// What is missing.
         reason: String,
     },
+    /// There is no code for GPUs in this program.
+    #[cfg(not(feature = "gpu"))]
+    #[error("the program was built without the feature `gpu`; use `--backend jit`")]
+    NoGpu,
+    /// The GPU cannot be used.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    Gpu(#[from] crate::backend::gpu::GpuError),
     /// A filter of a later version's kind.
     #[error(
         "filter `{filter}` has {stages} stages; this version applies filters of one stage: \
@@ -128,6 +136,10 @@ impl Error {
     /// The exit status that says so.
     pub(super) fn status(&self) -> u8 {
         match self {
+            #[cfg(not(feature = "gpu"))]
+            Self::NoGpu => 1,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(_) => 1,
             Self::Usage(_) | Self::Search(evolve::Error::Setting { .. }) => 2,
             Self::Scene(_)
             | Self::NoSuchScenes { .. }

@@ -11,12 +11,16 @@
 //! - No result depends on the number of threads.
 
 mod apply;
+mod backend;
 mod compare;
 mod denoise;
 mod error;
 mod evolve;
 mod export;
+#[cfg(feature = "gpu")]
+mod fallback;
 mod filters;
+mod gpus;
 mod inspect;
 mod language;
 mod log;
@@ -86,6 +90,8 @@ enum Command {
     Filters(filters::Filters),
     /// Write a filter as code or equations to paste elsewhere
     Export(export::Export),
+    /// List the GPUs of this computer
+    Gpus(gpus::Gpus),
     /// Explain the operators and features of expressions
     Language(language::Language),
 }
@@ -101,6 +107,7 @@ impl Command {
             Self::Sheet(command) => command.run(log),
             Self::Inspect(command) => command.run(),
             Self::Filters(command) => command.run(),
+            Self::Gpus(command) => command.run(),
             Self::Export(command) => return command.run(),
             Self::Language(command) => command.run(),
         };

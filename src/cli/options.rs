@@ -3,40 +3,9 @@
 use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
 
-use super::error::Error;
-use crate::backend::{Backend, Interpreter};
+use super::backend::BackendArgs;
 use crate::plan::{PASSES, Passes, Window};
 use crate::scene::{LoadOptions, Repair};
-
-/// What runs filters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum BackendChoice {
-    /// Machine code, compiled for this processor
-    Jit,
-    /// The interpreter: the same bits, more slowly
-    Interp,
-}
-
-impl BackendChoice {
-    /// The best that this build has.
-    pub(super) const DEFAULT: Self = if cfg!(feature = "jit") { Self::Jit } else { Self::Interp };
-
-    /// The back end, if this computer has it.
-    pub(super) fn open(self) -> Result<Box<dyn Backend>, Error> {
-        match self {
-            #[cfg(feature = "jit")]
-            Self::Jit => match crate::backend::Jit::new() {
-                Ok(jit) => Ok(Box::new(jit)),
-                Err(error) => Err(Error::NoMachineCode { reason: error.to_string() }),
-            },
-            #[cfg(not(feature = "jit"))]
-            Self::Jit => Err(Error::NoMachineCode {
-                reason: "the program was built without the feature `jit`".to_owned(),
-            }),
-            Self::Interp => Ok(Box::new(Interpreter)),
-        }
-    }
-}
 
 /// What becomes of pixels that are no numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -52,9 +21,8 @@ enum RepairChoice {
 /// How filters are run.
 #[derive(Debug, Args)]
 pub(super) struct Running {
-    /// What runs the filters
-    #[arg(long, value_enum, value_name = "BACKEND", default_value_t = BackendChoice::DEFAULT)]
-    pub(super) backend: BackendChoice,
+    #[command(flatten)]
+    pub(super) backend: BackendArgs,
 
     /// Window radius in pixels [default: the filter's own; 10 for expressions]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(..=i64::from(Window::MAX_RADIUS)))]

@@ -49,7 +49,7 @@ pub(super) struct Score {
 
 impl Score {
     pub(super) fn run(&self, log: Log) -> Result<String, Error> {
-        let backend = self.running.backend.open()?;
+        let backend = self.running.backend.open(log)?.backend;
         let filters = filters(&self.filters, self.running.radius)?;
         let scenes = scenes::find(&self.scenes)?;
         let measuring = Measuring::with(&self.running, &*backend);

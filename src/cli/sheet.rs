@@ -80,7 +80,7 @@ impl Sheet {
                 self.output.display()
             )));
         }
-        let backend = self.running.backend.open()?;
+        let backend = self.running.backend.open(log)?.backend;
         let filters = score::filters(&self.filters, self.running.radius)?;
         let found = scenes::find(std::slice::from_ref(&self.scene))?;
         let [files] = found.as_slice() else {

@@ -8,13 +8,13 @@ mod pipeline;
 mod progress;
 mod timings;
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
 
 use super::apply::stage;
+use super::backend::Opened;
 use super::error::Error;
 use super::log::Log;
 use super::options::Running;
@@ -26,14 +26,11 @@ use frame::Job;
 use pipeline::Pipeline;
 use progress::Progress;
 
-/// Frames in the filter stage: filtering one keeps every thread of a CPU busy.
-const FILTERED_AT_A_TIME: NonZeroUsize = NonZeroUsize::MIN;
-
 const EXAMPLES: &str = "\
 Examples:
   tamis denoise render.exr -o clean.exr
   tamis denoise render.exr -o clean.png --filter kan2017
-  tamis denoise frames/*.exr -o clean/
+  tamis denoise frames/*.exr -o clean/ --backend gpu
   tamis denoise frames/*.exr -o preview/ --format png --timings
   tamis denoise render.exr -o clean.exr --filter out/best.toml --radius 6
   tamis denoise render.exr -o clean.exr \\
@@ -42,8 +39,9 @@ Examples:
 Only the channels that the filter reads are decoded.
 
 Several images are filtered one after another; meanwhile the next is loaded and
-the one before is written, so there are at most three in memory. One that fails
-does not stop the others; the exit status is then 1.";
+the one before is written, so there are at most three in memory (four with a GPU,
+which filters two at a time). One that fails does not stop the others; the exit
+status is then 1.";
 
 /// Filter noisy images with the features in their files.
 #[derive(Debug, Args)]
@@ -80,7 +78,7 @@ impl Denoise {
         let files = Files::of(&self.inputs, &self.output, self.format)?;
         let filter = resolve(&self.filter, self.running.radius)?;
         stage(&filter)?;
-        let backend = self.running.backend.open()?;
+        let Opened { backend, frames } = self.running.backend.open(log)?;
         let job = Job {
             filter: &filter,
             backend: &*backend,
@@ -93,7 +91,7 @@ impl Denoise {
         let several = files.len() > 1;
         let progress = Progress::new(log, files.len());
         let mut timings = Vec::with_capacity(files.len());
-        let run = Pipeline::new(FILTERED_AT_A_TIME).run(
+        let run = Pipeline::new(frames).run(
             files.len(),
             |frame| job.load(files.frame(frame)),
             |_, loaded| job.filter(loaded),

@@ -13,10 +13,10 @@ use std::time::Duration;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
+use super::backend::Processor;
 use super::error::Error;
 use super::log::Log;
 use super::measure::Measuring;
-use super::options::BackendChoice;
 use super::{resolve, scenes};
 use crate::backend::Backend;
 use crate::evolve::{
@@ -71,8 +71,8 @@ pub(super) struct Evolve {
     out: PathBuf,
 
     /// What runs the filters
-    #[arg(long, value_enum, value_name = "BACKEND", default_value_t = BackendChoice::DEFAULT)]
-    backend: BackendChoice,
+    #[arg(long, value_enum, value_name = "BACKEND", default_value_t = Processor::DEFAULT)]
+    backend: Processor,
 
     /// Go on from the checkpoint in the output folder
     #[arg(long, conflicts_with = "preset")]

@@ -1,0 +1,193 @@
+//! What runs filters, as the command line asks for it.
+
+use std::num::NonZeroUsize;
+
+use clap::{Args, ValueEnum};
+
+use super::error::Error;
+use super::log::Log;
+use crate::backend::{Backend, Interpreter};
+
+/// What runs filters on the processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Processor {
+    /// Machine code, compiled for this processor
+    Jit,
+    /// The interpreter: the same bits, more slowly
+    Interp,
+}
+
+impl Processor {
+    /// The best that this build has.
+    pub(super) const DEFAULT: Self = if cfg!(feature = "jit") { Self::Jit } else { Self::Interp };
+
+    /// The back end, if this computer has it.
+    pub(super) fn open(self) -> Result<Box<dyn Backend>, Error> {
+        match self {
+            #[cfg(feature = "jit")]
+            Self::Jit => match crate::backend::Jit::new() {
+                Ok(jit) => Ok(Box::new(jit)),
+                Err(error) => Err(Error::NoMachineCode { reason: error.to_string() }),
+            },
+            #[cfg(not(feature = "jit"))]
+            Self::Jit => Err(Error::NoMachineCode {
+                reason: "the program was built without the feature `jit`".to_owned(),
+            }),
+            Self::Interp => Ok(Box::new(Interpreter)),
+        }
+    }
+}
+
+/// What runs filters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Choice {
+    /// Machine code, compiled for this processor
+    Jit,
+    /// The interpreter: the same bits, more slowly
+    Interp,
+    /// A shader on the GPU: another rounding, the same accuracy
+    Gpu,
+    /// A GPU if there is one that is no program itself, and if that fails machine
+    /// code
+    Auto,
+}
+
+impl Choice {
+    const DEFAULT: Self = match Processor::DEFAULT {
+        Processor::Jit => Self::Jit,
+        Processor::Interp => Self::Interp,
+    };
+}
+
+/// How accurate shaders are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PrecisionChoice {
+    /// Every operator within its budget, as on the processor
+    Exact,
+    /// Built-in exponentials and logarithms: within 1e-4 of the exact colour
+    Fast,
+}
+
+/// Which back end runs filters, and how.
+#[derive(Debug, Args)]
+pub(super) struct BackendArgs {
+    /// What runs the filters
+    #[arg(long, value_enum, value_name = "BACKEND", default_value_t = Choice::DEFAULT)]
+    backend: Choice,
+
+    /// Which GPU: an index or a part of its name (see `tamis gpus`) [default: the
+    /// best]
+    #[arg(long, value_name = "NAME|INDEX")]
+    gpu: Option<String>,
+
+    /// Memory for buffers on the GPU; larger images are filtered in tiles, to the
+    /// same bits
+    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = memory)]
+    max_memory: u64,
+
+    /// How accurate the GPU computes
+    #[arg(long, value_enum, value_name = "PRECISION", default_value_t = PrecisionChoice::Exact)]
+    precision: PrecisionChoice,
+}
+
+#[cfg(feature = "gpu")]
+const TWO: NonZeroUsize = NonZeroUsize::new(2).expect("not zero");
+
+/// An opened back end.
+pub(super) struct Opened {
+    pub(super) backend: Box<dyn Backend>,
+    /// How many frames it wants at a time: two where it has a processor of its own,
+    /// so that one is uploaded while the other is filtered.
+    pub(super) frames: NonZeroUsize,
+}
+
+#[cfg(feature = "gpu")]
+fn memory(text: &str) -> Result<u64, String> {
+    let size: bytesize::ByteSize = text.parse()?;
+    Ok(size.as_u64())
+}
+
+#[cfg(not(feature = "gpu"))]
+fn memory(_: &str) -> Result<u64, String> {
+    Ok(0)
+}
+
+impl BackendArgs {
+    /// The back end, if this computer has it. What `auto` settles for is said.
+    pub(super) fn open(&self, log: Log) -> Result<Opened, Error> {
+        match self.backend {
+            Choice::Jit => self.processor(Processor::Jit),
+            Choice::Interp => self.processor(Processor::Interp),
+            Choice::Gpu => self.gpu(),
+            Choice::Auto => self.auto(log),
+        }
+    }
+
+    fn processor(&self, processor: Processor) -> Result<Opened, Error> {
+        if self.gpu.is_some() {
+            return Err(Error::Usage(
+                "--gpu: only `--backend gpu` and `--backend auto` use one".to_owned(),
+            ));
+        }
+        Ok(Opened { backend: processor.open()?, frames: NonZeroUsize::MIN })
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn gpu(&self) -> Result<Opened, Error> {
+        Err(Error::NoGpu)
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn auto(&self, log: Log) -> Result<Opened, Error> {
+        let _ = (self.precision, self.max_memory);
+        log.say("--backend auto: this program was built without GPUs; the processor filters");
+        Ok(Opened { backend: Processor::DEFAULT.open()?, frames: NonZeroUsize::MIN })
+    }
+
+    #[cfg(feature = "gpu")]
+    fn gpu(&self) -> Result<Opened, Error> {
+        let gpu = crate::backend::Gpu::open(&self.options())?;
+        Ok(Opened { backend: Box::new(gpu), frames: TWO })
+    }
+
+    #[cfg(feature = "gpu")]
+    fn auto(&self, log: Log) -> Result<Opened, Error> {
+        use crate::backend::gpu::{Gpu, Kind, choose};
+
+        let processor = Processor::DEFAULT.open()?;
+        let opened = choose(self.gpu.as_deref()).and_then(|adapter| match adapter.kind() {
+            // Somebody may want to see it work; by itself nobody is served by it.
+            Kind::Software if self.gpu.is_none() => Ok(Err(adapter.name().to_owned())),
+            Kind::Discrete | Kind::Integrated | Kind::Virtual | Kind::Unknown | Kind::Software => {
+                Gpu::with(&adapter, &self.options()).map(Ok)
+            }
+        });
+        let name = processor.name();
+        let reason = match opened {
+            Ok(Ok(gpu)) => {
+                log.say(format_args!("--backend auto: {}", gpu.adapter_name()));
+                let backend = super::fallback::Fallback::new(Box::new(gpu), processor, log);
+                return Ok(Opened { backend: Box::new(backend), frames: TWO });
+            }
+            Ok(Err(software)) => format!("{software} computes on the processor itself"),
+            Err(error) => error.to_string(),
+        };
+        log.say(format_args!("--backend auto: {name}, as there is no GPU to use: {reason}"));
+        Ok(Opened { backend: processor, frames: NonZeroUsize::MIN })
+    }
+
+    #[cfg(feature = "gpu")]
+    fn options(&self) -> crate::backend::gpu::Options {
+        use crate::backend::wgsl::Precision;
+
+        crate::backend::gpu::Options {
+            adapter: self.gpu.clone(),
+            max_memory: self.max_memory,
+            precision: match self.precision {
+                PrecisionChoice::Exact => Precision::Exact,
+                PrecisionChoice::Fast => Precision::Fast,
+            },
+            ..crate::backend::gpu::Options::default()
+        }
+    }
+}
