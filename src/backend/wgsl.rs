@@ -204,11 +204,12 @@ impl Writer<'_> {
         names: &[Operand],
     ) -> String {
         if let Some((function, x)) = self.native(value) {
-            let name = match function {
-                Native::Exp2 => "exp2",
-                Native::Log2 => "log2",
+            let x = &names[x.index()];
+            return match function {
+                // What is no normal number is 0 in tapes, whatever a device makes of it.
+                Native::Exp2 => format!("select(0f, exp2({x}), {x} >= -126f)"),
+                Native::Log2 => format!("log2({x})"),
             };
-            return format!("{name}({})", names[x.index()]);
         }
         let Dialect { precision, arithmetic } = self.dialect;
         match (prim, args) {

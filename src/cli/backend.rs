@@ -103,8 +103,8 @@ pub(super) struct Opened {
 
 #[cfg(feature = "gpu")]
 fn memory(text: &str) -> Result<u64, String> {
-    let size: bytesize::ByteSize = text.parse()?;
-    Ok(size.as_u64())
+    let size = text.parse::<bytesize::ByteSize>();
+    size.map(|size| size.as_u64()).map_err(|_| "expected a size such as 512M or 2GiB".to_owned())
 }
 
 #[cfg(not(feature = "gpu"))]

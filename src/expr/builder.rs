@@ -35,26 +35,36 @@ pub struct Rules {
     pub ranges: bool,
     /// The language's own arithmetic may be rounded less often than written.
     pub contract: bool,
+    /// The logarithm of what was made as a power of two is its exponent.
+    pub merge: bool,
 }
 
 impl Rules {
     /// Everything on.
-    pub const ALL: Self = Self { fold: true, share: true, ranges: true, contract: true };
+    pub const ALL: Self =
+        Self { fold: true, share: true, ranges: true, contract: true, merge: true };
     /// Everything off: the tape says literally what the rows say.
-    pub const NONE: Self = Self { fold: false, share: false, ranges: false, contract: false };
+    pub const NONE: Self =
+        Self { fold: false, share: false, ranges: false, contract: false, merge: false };
 }
 
 /// Builds one tape.
 pub struct Builder {
     tape: Tape,
     made: FxHashMap<Instr, Value>,
+    exponents: FxHashMap<Value, [Value; 2]>,
     rules: Rules,
 }
 
 impl Builder {
     /// An empty tape under construction.
     pub fn new(rules: Rules) -> Self {
-        Self { tape: Tape::default(), made: FxHashMap::default(), rules }
+        Self {
+            tape: Tape::default(),
+            made: FxHashMap::default(),
+            exponents: FxHashMap::default(),
+            rules,
+        }
     }
 
     /// The finished tape, with everything that the results do not need dropped.
@@ -100,6 +110,16 @@ impl Builder {
         if self.constant_of(value).is_none() && x < value {
             self.tape.set_native(value, function, x);
         }
+    }
+
+    /// Notes that a value was made as 2^(high + low).
+    pub fn set_exponent(&mut self, value: Value, high: Value, low: Value) {
+        self.exponents.insert(value, [high, low]);
+    }
+
+    /// The two parts of the exponent that a value was made with as a power of two.
+    pub fn exponent_of(&self, value: Value) -> Option<[Value; 2]> {
+        if self.rules.merge { self.exponents.get(&value).copied() } else { None }
     }
 
     /// A constant.

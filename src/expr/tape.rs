@@ -255,20 +255,10 @@ impl Instr {
 /// it where speed is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Native {
-    /// 2^x
+    /// 2^x; 0 where that is no normal number.
     Exp2,
     /// log2 x, for positive x.
     Log2,
-}
-
-impl Native {
-    /// The exact meaning.
-    pub fn meaning(self, x: f64) -> f64 {
-        match self {
-            Self::Exp2 => x.exp2(),
-            Self::Log2 => x.log2(),
-        }
-    }
 }
 
 /// What is known of a value beside the instruction that makes it.

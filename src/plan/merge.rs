@@ -1,5 +1,7 @@
-//! Merges exponentials: e^a · e^b becomes e^(a + b), and (x^a)^b with x, a, b
-//! not negative becomes x^(a·b).
+//! Merges exponentials: e^a · e^b becomes e^(a + b), and (x^a)^b becomes x^(a·b)
+//! where x, a and b are not negative and x^a is known not to vanish. (Where it may
+//! vanish, the two powers have different values at 0. Those still share their
+//! logarithm: the builder sees to that.)
 //!
 //! This is the one pass that works on trees, where exponentials are still
 //! recognisable. Filters are products of bumps, so that one exponential often
@@ -190,8 +192,9 @@ fn times(a: Option<&Factor>, b: Option<&Factor>) -> Option<Option<Factor>> {
 
 fn power(base: Piece, exponent: Piece, range: Interval) -> Piece {
     let mergeable = exponent.range.lo >= 0.0 && base.range.lo >= 0.0;
+    let bounded = base.range.within(LIMIT / 2.0) && base.range.lo >= f32::MIN_POSITIVE;
     let (base, exponent) = match base.power {
-        Some((inner, first)) if mergeable && base.range.within(LIMIT / 2.0) => {
+        Some((inner, first)) if mergeable && bounded => {
             let product_range = first.range * exponent.range;
             (*inner, product(*first, exponent, product_range))
         }
@@ -239,11 +242,13 @@ mod tests {
     }
 
     #[test]
-    fn powers_of_powers_become_one_where_nothing_is_negative() {
+    fn powers_of_powers_become_one_where_nothing_is_negative_or_vanishes() {
+        let text = "pow(pow(wpVariance, exp(nVariance)), exp(tVariance))";
         assert_eq!(
-            merged("pow(pow(wpVariance, exp(nVariance)), exp(tVariance))", UNIT),
+            merged(text, Interval::new(0.5, 1.0)),
             "pow(wpVariance, exp(nVariance + tVariance))"
         );
+        assert_eq!(merged(text, UNIT), text);
         let text = "pow(pow(wpVariance, nVariance), tVariance)";
         assert_eq!(merged(text, Interval::new(-1.0, 1.0)), text);
     }

@@ -112,7 +112,13 @@ impl Passes {
 
     /// The part that the tape builder obeys.
     pub(super) fn rules(self) -> Rules {
-        Rules { fold: self.fold, share: self.share, ranges: self.ranges, contract: self.contract }
+        Rules {
+            fold: self.fold,
+            share: self.share,
+            ranges: self.ranges,
+            contract: self.contract,
+            merge: self.merge,
+        }
     }
 }
 

@@ -1,12 +1,14 @@
 //! What is promised of the GPU back end alone.
 
-use tamis::backend::gpu::{Gpu, GpuError, Options};
+use std::path::Path;
+
+use tamis::backend::gpu::{FAST_ACCURACY, Gpu, GpuError, Options};
 use tamis::backend::shader::{Loads, Shader, Style};
 use tamis::backend::wgsl::{Arithmetic, Dialect, Precision};
-use tamis::backend::{Backend, BackendError, Rect};
-use tamis::expr::{Op, Tree, codebook};
-use tamis::plan::{Passes, Plan, Window};
-use tamis::scene::Facts;
+use tamis::backend::{ACCURACY, Backend, BackendError, Jit, Rect, oracle};
+use tamis::expr::{Feature, Op, Quantity, Tree, codebook};
+use tamis::plan::{Passes, Plan, Source, Stage, Window};
+use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Scene};
 
 use crate::fixture::{bred, parse, scene};
 use crate::suite::{plan, run};
@@ -15,6 +17,16 @@ pub(crate) const CASES: &[(&str, fn())] = &[
     ("gpu::tiles_give_the_bits_of_the_whole", tiles_give_the_bits_of_the_whole),
     ("gpu::frames_at_once_give_what_they_give_alone", frames_at_once_give_what_they_give_alone),
     ("gpu::too_little_memory_is_said_before_any_work", too_little_memory),
+    ("gpu::a_lost_device_is_an_error", a_lost_device_is_an_error),
+    ("gpu::an_unknown_gpu_is_an_error", an_unknown_gpu_is_an_error),
+    ("gpu::test_scenes", || test_scenes(4, 24)),
+];
+
+/// Cases that take minutes:
+/// `cargo test --release --test conformance long -- --ignored`
+pub(crate) const LONG: &[(&str, fn())] = &[
+    ("long::gpu::test_scenes_whole", || test_scenes(8, 1)),
+    ("long::gpu::a_frame_of_8192_by_4320", a_frame_of_8192_by_4320),
 ];
 
 pub(crate) const WITHOUT_A_GPU: &[(&str, fn())] =
@@ -69,6 +81,148 @@ fn too_little_memory() {
         }
         other => panic!("{other:?}"),
     }
+}
+
+fn a_lost_device_is_an_error() {
+    let scene = scene(32, 32, 14);
+    let gpu = open(1 << 20);
+    let weight = codebook::named("bilateral").expect("listed").clone();
+    let before = plan(&[weight], Window::dense(2), &scene, Passes::ALL);
+    let after = plan(&[parse("nVariance")], Window::dense(2), &scene, Passes::ALL);
+    let code = gpu.compile(&before).expect("compiles");
+    gpu.close();
+    let run = code.run(&scene, &[Rect::whole(&scene)]).map(|_| ());
+    let compiled = gpu.compile(&after).map(|_| ());
+    for result in [run, compiled] {
+        match result {
+            Err(BackendError::Gpu(error @ GpuError::Lost { .. })) => {
+                assert!(error.to_string().contains("--backend jit"), "{error}");
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+fn an_unknown_gpu_is_an_error() {
+    let options = Options { adapter: Some("no such card".to_owned()), ..Options::default() };
+    let Err(error) = Gpu::open(&options) else { panic!("there is no such card") };
+    assert!(matches!(error, GpuError::NoSuchAdapter { .. }), "{error}");
+}
+
+/// The law of whole images: on the project's test scenes, every named filter and
+/// thirty bred trees give what machine code gives, within twice the accuracy that
+/// both promise, and what the exact filter gives, within it, on every `step`-th row.
+/// Prints the worst.
+fn test_scenes(radius: u32, step: usize) {
+    let mut filters: Vec<(String, Tree)> =
+        bred().into_iter().map(|text| (text.to_owned(), parse(text))).collect();
+    let known = codebook::known().iter();
+    filters.extend(known.map(|known| (known.name.to_owned(), known.weight.clone())));
+    let jit = Jit::new().expect("the host has a code generator");
+    for precision in [Precision::Exact, Precision::Fast] {
+        let gpu = Gpu::open(&Options { precision, ..Options::default() }).expect("a GPU");
+        let accuracy = match precision {
+            Precision::Exact => ACCURACY,
+            Precision::Fast => FAST_ACCURACY,
+        };
+        for name in ["courtyard", "galley", "showroom"] {
+            let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/test");
+            let file = root.join(name).join("4spp.exr");
+            let (needs, options) = (Needs::everything(), LoadOptions::default());
+            let scene =
+                Scene::load(&file, &needs, radius as usize, &options).expect("the project's own");
+            let (width, height) = (scene.layout().width(), scene.layout().height());
+            let region: Vec<Rect> = match step {
+                1 => vec![Rect::whole(&scene)],
+                _ => {
+                    (0..height).step_by(step).map(|y| Rect { x: 0, y, width, height: 1 }).collect()
+                }
+            };
+            let mut worst = Worst::default();
+            for (filter, weight) in &filters {
+                let window = Window::dense(radius);
+                let plan = plan(std::slice::from_ref(weight), window, &scene, Passes::ALL);
+                let stage = Stage { weight: weight.clone(), window, source: Source::Color };
+                let [got, machine] = [&gpu as &dyn Backend, &jit].map(|backend| {
+                    let code = backend.compile(&plan).expect("compiles");
+                    code.run(&scene, &region).expect("runs").swap_remove(0).pixels
+                });
+                let exact = region.iter().flat_map(|&rect| oracle::filter(&scene, &stage, rect));
+                for (k, exact) in exact.enumerate() {
+                    worst.note(got[k], machine[k], &exact);
+                }
+                let Worst { machine, exact, .. } = worst;
+                assert!(exact <= accuracy, "{filter} on {name}: {exact:e} from exact");
+                assert!(machine <= 2.0 * accuracy, "{filter} on {name}: {machine:e} from jit");
+            }
+            let Worst { machine, exact, left_out } = worst;
+            println!(
+                "{precision:?}, {name}, radius {radius}: at most {exact:.1e} from the exact \
+                 filter, {machine:.1e} from machine code; {left_out} ill-conditioned pixels left out"
+            );
+        }
+    }
+}
+
+/// The worst relative differences met.
+#[derive(Clone, Copy, Default)]
+struct Worst {
+    machine: f64,
+    exact: f64,
+    left_out: usize,
+}
+
+impl Worst {
+    fn note(&mut self, got: [f32; 3], machine: [f32; 3], exact: &oracle::Exact) {
+        // Weights of both signs cancel, which magnifies the error of the sums.
+        let condition = exact.magnitude / exact.total.abs();
+        if condition > 500.0 || exact.magnitude < 1e-25 {
+            self.left_out += 1;
+            return;
+        }
+        for c in 0..3 {
+            let scale = exact.color[c].abs().max(exact.brightest[c] * (condition - 1.0));
+            let scale = condition * scale.max(1e-30);
+            let error = |x: f64| (f64::from(got[c]) - x).abs() / scale;
+            self.exact = self.exact.max(error(exact.color[c]));
+            self.machine = self.machine.max(error(machine[c].into()));
+        }
+    }
+}
+
+/// A frame that no binding holds, in half a gibibyte of buffers: it is filtered,
+/// and where a crop of it is filtered alone the bits are the same.
+fn a_frame_of_8192_by_4320() {
+    let (width, height) = (8192, 4320);
+    let noise = |k: usize, salt: u32| {
+        let mut x = (k as u32).wrapping_mul(0x9e37_79b9) ^ salt;
+        x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
+        ((x ^ (x >> 13)) >> 8) as f32 / (1 << 24) as f32
+    };
+    let plane = |salt: u32| -> Vec<f32> { (0..width * height).map(|k| noise(k, salt)).collect() };
+    let raw = RawScene::new("huge", width, height, [plane(1), plane(2), plane(3)]).with(
+        Feature::Normal,
+        Quantity::Value,
+        vec![plane(4), plane(5), plane(6)],
+    );
+    let weight = parse("exp(-distance2(normal, normal) - distance1(pixel, pixel) / 3)");
+    let needs = Needs::planes(weight.planes());
+    let scene = raw.prepare(&needs, 2, &LoadOptions::default()).expect("a sound scene");
+    let plan = plan(&[weight], Window::dense(2), &scene, Passes::ALL);
+    let got = run(&open(512 << 20), &plan, &scene).swap_remove(0);
+    let crop = Rect { x: 4000, y: 2000, width: 300, height: 300 };
+    let code = open(1 << 30).compile(&plan).expect("compiles");
+    let expected = code.run(&scene, &[crop]).expect("runs").swap_remove(0);
+    for (k, expected) in expected.pixels.iter().enumerate() {
+        let (x, y) = (crop.x + k % crop.width, crop.y + k / crop.width);
+        assert_eq!(got.pixels[y * width + x], *expected, "pixel {x}, {y}");
+    }
+    let jit = Jit::new().expect("the host has a code generator");
+    let machine = run(&jit, &plan, &scene).swap_remove(0);
+    let all = got.pixels.iter().flatten().zip(machine.pixels.iter().flatten());
+    let worst = all.map(|(g, m)| (g - m).abs() / m.abs().max(1e-30)).fold(0.0, f32::max);
+    println!("8192 x 4320: at most {worst:.1e} from machine code");
+    assert!(f64::from(worst) <= 2.0 * ACCURACY);
 }
 
 /// Needs no GPU: naga checks what a driver would be given.

@@ -65,6 +65,9 @@ fn main() -> ExitCode {
     for &(name, check) in rows::CASES.iter().chain(gpu::CASES) {
         trials.push(trial(name.to_owned(), absent, check));
     }
+    for &(name, check) in gpu::LONG {
+        trials.push(trial(name.to_owned(), true, check));
+    }
     for &(name, check) in gpu::WITHOUT_A_GPU {
         trials.push(trial(name.to_owned(), false, check));
     }

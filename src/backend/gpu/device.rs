@@ -158,7 +158,10 @@ impl Device {
         GpuError::Lost { adapter: self.name.clone(), reason }
     }
 
+    /// A lost device takes commands without complaint. That it is lost is heard of
+    /// when it is asked.
     fn alive(&self) -> Result<(), GpuError> {
+        let _ = self.device.poll(wgpu::PollType::Poll);
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         match failure.as_ref() {
             None => Ok(()),

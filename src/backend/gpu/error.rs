@@ -1,5 +1,7 @@
 //! What can go wrong with a GPU, and what to do about it.
 
+use bytesize::ByteSize;
+
 /// Why a filter could not run on a GPU. Every message ends with the way out.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
@@ -62,8 +64,9 @@ pub enum GpuError {
     },
     /// A buffer could not be allocated.
     #[error(
-        "{adapter} is out of memory: {bytes} bytes for {what}; give it less at a time \
-         (`--max-memory 256M`), or use `--backend jit`"
+        "{adapter} is out of memory: {} for {what}; give it less at a time \
+         (`--max-memory 256M`), or use `--backend jit`",
+        ByteSize(*bytes)
     )]
     OutOfMemory {
         /// The adapter's name.
@@ -75,8 +78,9 @@ pub enum GpuError {
     },
     /// Not even the smallest piece of the image fits.
     #[error(
-        "{available} bytes of GPU memory are too few: one pixel and its window need {needed}; \
-         raise `--max-memory`, or use `--backend jit`"
+        "{} of GPU memory are too few: one pixel and its window need {}; raise `--max-memory`, or \
+         use `--backend jit`",
+        ByteSize(*available), ByteSize(*needed)
     )]
     TooLittleMemory {
         /// What is allowed.

@@ -146,6 +146,12 @@ impl Gpu {
         self.0.device.tick.map(|_| busy())
     }
 
+    /// Gives the device back. What runs on it or is compiled for it from now on
+    /// fails as on a device that is lost.
+    pub fn close(&self) {
+        self.0.device.device.destroy();
+    }
+
     /// Evaluates a tape element by element. Its inputs are `PerPixel(k)`, given as
     /// `inputs[k]`, slices of one length; returns one vector per result.
     ///

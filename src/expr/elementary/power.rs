@@ -58,6 +58,9 @@ pub const POW: Binary = Binary {
 /// so that the product is exact.
 const LOG2_ZERO: f32 = -73_786_976_294_838_206_464.0;
 
+/// log2 of [`LIMIT`], below which no power is clamped.
+const LOG2_LIMIT: f32 = 59.794_705;
+
 /// log2 m = s (LOG2_E + series(s^2)) with s = 2 (m - 1) / (m + 1), |s| <= 0.3432;
 /// the constant term is what `f32` leaves of 1 / ln 2. Relative error 1.8e-11.
 const SERIES: [f32; 5] =
@@ -126,13 +129,11 @@ fn pow(b: &mut Builder, x: Value, y: Value) -> Value {
         return power;
     }
     // The guards and signs below vanish where x is known to be positive.
-    let magnitude = b.abs(x);
-    let smallest = b.constant(f32::MIN_POSITIVE);
-    let normal = b.max(magnitude, smallest);
-    let log = log2(b, normal);
-    let log2_zero = b.constant(LOG2_ZERO);
-    let high = b.select_lt(magnitude, smallest, log2_zero, log.high);
-    let power = exp2_of_product(b, y, Parts { high, low: log.low });
+    let log = match b.exponent_of(x) {
+        Some(exponent) => logarithm_of_power(b, exponent),
+        None => logarithm(b, x),
+    };
+    let power = exp2_of_product(b, y, log);
 
     // y - 2 round(y / 2) is ±1 for odd integers, and less for all else.
     let (half, minus_two, one) = (b.constant(0.5), b.constant(-2.0), b.constant(1.0));
@@ -206,6 +207,32 @@ fn reciprocal(b: &mut Builder, x: Value) -> Value {
 struct Parts {
     high: Value,
     low: Value,
+    /// Bounds `low`, unless `high` says that the number is 0.
+    low_max: f32,
+}
+
+/// log2 |x|, that of 0 included.
+fn logarithm(b: &mut Builder, x: Value) -> Parts {
+    let magnitude = b.abs(x);
+    let smallest = b.constant(f32::MIN_POSITIVE);
+    let normal = b.max(magnitude, smallest);
+    let log = log2(b, normal);
+    let log2_zero = b.constant(LOG2_ZERO);
+    let high = b.select_lt(magnitude, smallest, log2_zero, log.high);
+    Parts { high, ..log }
+}
+
+/// The same of a value that is itself a power, from the exponent it was made with:
+/// a power of a power takes one logarithm. What the first power flushed to 0 or
+/// clamped is 0 or clamped here too.
+fn logarithm_of_power(b: &mut Builder, [high, low]: [Value; 2]) -> Parts {
+    let (least, greatest) = (b.constant(-126.0), b.constant(LOG2_LIMIT));
+    let zero = b.constant(0.0);
+    let low = b.select_lt(greatest, high, zero, low);
+    let clamped = b.min(high, greatest);
+    let log2_zero = b.constant(LOG2_ZERO);
+    let high = b.select_lt(high, least, log2_zero, clamped);
+    Parts { high, low, low_max: RESIDUE_MAX }
 }
 
 /// log2 of a positive normal number, to 2^-28 of itself.
@@ -255,7 +282,7 @@ fn log2(b: &mut Builder, x: Value) -> Parts {
     let low = b.sub(low, minus_main);
     b.pin(low);
     let low = b.add(low, tail);
-    Parts { high, low }
+    Parts { high, low, low_max: 1.0 / 131_072.0 }
 }
 
 /// 2^(y * log), at most [`LIMIT`].
@@ -266,9 +293,9 @@ fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     let low = b.fma(y, log.high, minus_high);
     b.pin(low);
     let low = b.fma(y, log.low, low);
-    // |log| < 128 in two parts that do not overlap: each of the two products of y
-    // leaves less than 2^-17 of it. Moderate exponents need no clamp.
-    let bound = b.range(y).magnitude() / 65_536.0;
+    // |log| < 128, so that its product with y leaves less than 2^-17 of y.
+    // Moderate exponents need no clamp.
+    let bound = b.range(y).magnitude() * (1.0 / 131_072.0 + log.low_max);
     b.assume(low, Interval::new(-bound, bound));
     let low = b.clamp(low, -RESIDUE_MAX, RESIDUE_MAX);
 
@@ -284,5 +311,7 @@ fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     let power = b.mul(power, scale);
     b.stands_for(power, Native::Exp2, high);
     let limit = b.constant(LIMIT);
-    b.min(power, limit)
+    let power = b.min(power, limit);
+    b.set_exponent(power, high, low);
+    power
 }
