@@ -16,7 +16,7 @@
 //! * **Pipelines** are kept by the text of their shader: frames whose plans differ
 //!   in facts that change nothing share one.
 //!
-//! What it promises: [`Precision::Exact`] is within [`ACCURACY`](super::ACCURACY)
+//! What it promises: [`Precision::Exact`] is within [`ACCURACY`]
 //! of the exact filter, as the CPU back ends are, [`Precision::Fast`] within
 //! [`FAST_ACCURACY`]; a device gives the same bits every time. No bits are
 //! promised across devices.
@@ -48,7 +48,7 @@ use device::Device;
 use slots::Slots;
 
 /// What [`Precision::Fast`] promises where [`Precision::Exact`] promises
-/// [`ACCURACY`](super::ACCURACY): a pixel's difference from the exact colour, for weights of one
+/// [`ACCURACY`]: a pixel's difference from the exact colour, for weights of one
 /// sign. WGSL guarantees `exp2` to 3 + 2 abs(x) units in the last place, and
 /// weights below a millionth of the greatest hardly count.
 pub const FAST_ACCURACY: f64 = 1e-4;
