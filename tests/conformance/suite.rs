@@ -28,6 +28,7 @@ macro_rules! cases {
 cases! {
     every_operator
     every_term
+    all_terms_at_once
     named_filters
     bred_trees
     windows_and_shapes
@@ -209,6 +210,22 @@ fn every_term(backend: &dyn Backend) {
         let text = format!("exp(-({scalar}) * distanceMax(texture, texture))");
         check(backend, &scene, &text, Window::dense(1));
     }
+}
+
+/// Some forty planes: more than a shader may have buffers.
+fn all_terms_at_once(backend: &dyn Backend) {
+    let scene = scene(21, 10, 12);
+    let terms = Feature::terms().filter(|(feature, _)| *feature != Feature::Pixel);
+    let sum: Vec<String> = terms
+        .map(|(feature, quantity)| {
+            let term = feature.spelling(quantity).expect("terms() lists what can be spelt");
+            match quantity {
+                Quantity::Variance => format!("{term} / 9"),
+                Quantity::Value | Quantity::Gradient => format!("distance1({term}, {term}) / 9"),
+            }
+        })
+        .collect();
+    check(backend, &scene, &format!("exp(-({}))", sum.join(" + ")), Window::dense(2));
 }
 
 fn named_filters(backend: &dyn Backend) {
