@@ -1,5 +1,4 @@
 {# A plan as a compute shader: Equation 1 over a window. Rendered by src/backend/shader.rs. -#}
-{{ header }}
 {%- let tiled = loads.is_tiled() %}
 struct Params {
     // Width and height of the region that `near` holds.
@@ -67,7 +66,9 @@ struct Tap {
 {% endif %}
 {%- if !tap_table && tap.len() > 0 %}
 fn tap_of(offset: vec2<f32>) -> Tap {
+    {%- if !tap_lines.is_empty() %}
     {{ tap_lines|indent(4) }}
+    {%- endif %}
     return Tap({{ tap_results }});
 }
 {% endif %}
@@ -80,13 +81,17 @@ struct PerPixel {
 }
 
 fn per_pixel_of({% if at_i.len() > 0 %}i: AtI{% endif %}) -> PerPixel {
+    {%- if !pixel_lines.is_empty() %}
     {{ pixel_lines|indent(4) }}
+    {%- endif %}
     return PerPixel({{ pixel_results }});
 }
 {% endif %}
 // w(i, j){% if weights > 1 %}, of several filters{% endif %}
 fn weight({{ signature }}) -> {{ weight_type }} {
+    {%- if !pair_lines.is_empty() %}
     {{ pair_lines|indent(4) }}
+    {%- endif %}
     return {{ pair_results }};
 }
 

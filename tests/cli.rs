@@ -495,6 +495,31 @@ fn exports_go_to_stdout_or_whole_into_a_file() {
 }
 
 #[test]
+fn shading_languages_are_written_where_they_are_built_in() {
+    let place = Place::new();
+    let export = |lang| ["export", EDGE_AWARE, "--lang", lang];
+    for lang in ["wgsl", "glsl", "hlsl", "msl"] {
+        if cfg!(feature = "gpu") {
+            let text = place.done(&export(lang));
+            assert!(text.contains(" weight(") && text.contains("--precision exact"), "{text}");
+            let fast = place.done(&[&export(lang)[..], &["--precision", "fast"]].concat());
+            assert!(fast.contains("--precision fast"), "{fast}");
+        } else {
+            place.fails(1, &export(lang), &["feature `gpu`", lang]);
+        }
+    }
+    if cfg!(feature = "gpu") {
+        place.done(&[&export("spirv")[..], &["-o", "filter.spv"]].concat());
+        assert_eq!(place.bytes("filter.spv")[..4], 0x0723_0203_u32.to_le_bytes());
+    }
+    for lang in ["c", "latex"] {
+        let fast = [&export(lang)[..], &["--precision", "fast"]].concat();
+        place.fails(2, &fast, &[lang, "--precision fast", "--help"]);
+        place.done(&[&export(lang)[..], &["--precision", "exact"]].concat());
+    }
+}
+
+#[test]
 fn nobody_listening_is_no_error() {
     let place = Place::new();
     let mut command = place.program(&["language"]);

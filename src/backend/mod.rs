@@ -23,6 +23,7 @@ mod interp;
 #[cfg(feature = "jit")]
 mod jit;
 pub mod oracle;
+mod precision;
 #[cfg(feature = "gpu")]
 pub mod shader;
 #[cfg(feature = "gpu")]
@@ -36,6 +37,7 @@ pub use gpu::Gpu;
 pub use interp::Interpreter;
 #[cfg(feature = "jit")]
 pub use jit::Jit;
+pub use precision::Precision;
 
 /// Sums of weights (in magnitude) below this are treated as zero: with weights
 /// so small, products with dark colours are subnormal and carry no precision.

@@ -15,8 +15,8 @@ use askama::Template;
 
 use super::wgsl::{Dialect, Statements, functions, statements};
 use super::{TRUSTED_SHARE, TRUSTED_SUM};
-use crate::expr::feature::{Feature, PlaneId, Quantity};
-use crate::expr::tape::{Axis, Input, Side, Tape};
+use crate::expr::feature::PlaneId;
+use crate::expr::tape::{Axis, Input, Instr, Side, Tape};
 use crate::plan::Plan;
 
 /// How a kernel reads `near`.
@@ -54,7 +54,7 @@ impl Loads {
 
     /// Columns and rows of a workgroup. A strip wants to be long: it is shared
     /// along its rows.
-    pub(super) fn workgroup(self) -> [u32; 2] {
+    pub fn workgroup(self) -> [u32; 2] {
         match self {
             Self::Planar | Self::Packed => [8, 8],
             Self::Tiled => [32, 2],
@@ -93,11 +93,11 @@ pub struct Shader {
 pub(super) const COLOR: usize = 3;
 
 /// Components of a vector.
-pub(super) const QUAD: usize = 4;
+pub(crate) const QUAD: usize = 4;
 
 impl Shader {
-    /// Writes the kernel of a plan, with a comment before it.
-    pub fn new(plan: &Plan, style: Style, comment: &str) -> Self {
+    /// Writes the kernel of a plan.
+    pub fn new(plan: &Plan, style: Style) -> Self {
         let at = |side| {
             let inputs = plan.pair().inputs().chain(plan.pixel().inputs());
             let planes = inputs.filter_map(move |input| match input {
@@ -111,13 +111,14 @@ impl Shader {
         let own: Vec<PlaneId> = i.difference(&j).copied().collect();
         let near_quads = (COLOR + near.len()).div_ceil(QUAD);
         let own_quads = own.len().div_ceil(QUAD);
-        let taps = plan.tap().results().len();
+        let tap = tap_fields(plan.tap());
+        let taps = tap.len();
         let tap_quads = if style.tap_table { taps.div_ceil(QUAD) } else { 0 };
         let channels = Channels { loads: style.loads, near: &near, own: &own, near_quads };
 
         let read = |plane: PlaneId, side: Side| match side {
-            Side::I => format!("i.{}", field(plane)),
-            Side::J => format!("j.{}", field(plane)),
+            Side::I => format!("i.{}", plane.identifier()),
+            Side::J => format!("j.{}", plane.identifier()),
         };
         let tape = |tape: &Tape| {
             statements(tape, style.dialect, |input| match input {
@@ -125,7 +126,7 @@ impl Shader {
                 Input::Offset(Axis::X) => "offset.x".to_owned(),
                 Input::Offset(Axis::Y) => "offset.y".to_owned(),
                 Input::PerPixel(k) => format!("per_pixel.v{k}"),
-                Input::PerTap(k) => format!("tap.v{k}"),
+                Input::PerTap(k) => format!("tap.{}", tap[k as usize]),
             })
         };
         let Statements { lines: pixel_lines, results: pixel_results } = tape(plan.pixel());
@@ -138,7 +139,6 @@ impl Shader {
 
         let weights = pair_results.len();
         let per_pixel = numbered(pixel_results.len());
-        let tap = numbered(taps);
         let (at_i, at_j) = (fields(&i), fields(&j));
         let given = [
             ("i", "AtI", at_i.is_empty()),
@@ -156,7 +156,6 @@ impl Shader {
         let columns = workgroup[0] as usize + 2 * reach;
         let strip = columns * workgroup[1] as usize;
         let kernel = Kernel {
-            header: comment,
             loads: style.loads,
             near_doc: channels.near_doc(),
             own_doc: channels.own_doc(),
@@ -220,8 +219,7 @@ impl Shader {
 /// The template's slots.
 #[derive(Template)]
 #[template(path = "filter.wgsl", escape = "none")]
-struct Kernel<'a> {
-    header: &'a str,
+struct Kernel {
     loads: Loads,
     near_doc: Vec<String>,
     own_doc: Vec<String>,
@@ -261,7 +259,7 @@ struct Kernel<'a> {
     signed: bool,
 }
 
-impl Kernel<'_> {
+impl Kernel {
     /// One of the weights that `w` holds.
     fn element(&self, k: &usize) -> String {
         match self.weights {
@@ -282,7 +280,7 @@ struct Channels<'a> {
 impl Channels<'_> {
     /// What `near` holds, for readers of the shader.
     fn near_doc(&self) -> Vec<String> {
-        let planes = self.near.iter().map(|plane| field(*plane));
+        let planes = self.near.iter().map(|plane| plane.identifier());
         let names: Vec<String> =
             ["red", "green", "blue"].map(str::to_owned).into_iter().chain(planes).collect();
         let order = match self.loads {
@@ -297,7 +295,7 @@ impl Channels<'_> {
     }
 
     fn own_doc(&self) -> Vec<String> {
-        let names: Vec<String> = self.own.iter().map(|plane| field(*plane)).collect();
+        let names: Vec<String> = self.own.iter().map(|plane| plane.identifier()).collect();
         let order = "What is read at the filtered pixels alone, in the order of `result`:";
         std::iter::once(order.to_owned()).chain(lines_of(&names)).collect()
     }
@@ -370,46 +368,28 @@ fn component(name: &str, k: usize) -> String {
     format!("{name}{}.{}", k / QUAD, ["x", "y", "z", "w"][k % QUAD])
 }
 
+/// The fields of a tap. The offsets themselves are called so, the first time:
+/// plans that share nothing have them several times.
+fn tap_fields(tape: &Tape) -> Vec<String> {
+    let mut fields: Vec<String> = Vec::new();
+    for (k, result) in tape.results().iter().enumerate() {
+        let name = match tape.instr(*result) {
+            Instr::Input(Input::Offset(Axis::X)) => Some("dx"),
+            Instr::Input(Input::Offset(Axis::Y)) => Some("dy"),
+            Instr::Input(_) | Instr::Const(_) | Instr::Prim(..) => None,
+        };
+        let name = name.map(str::to_owned).filter(|name| !fields.contains(name));
+        fields.push(name.unwrap_or_else(|| format!("v{k}")));
+    }
+    fields
+}
+
 fn numbered(count: usize) -> Vec<String> {
     (0..count).map(|k| format!("v{k}")).collect()
 }
 
 fn fields(planes: &BTreeSet<PlaneId>) -> Vec<String> {
-    planes.iter().map(|plane| field(*plane)).collect()
-}
-
-/// The name of a plane in shaders: `world_position_x`, `normal_variance`.
-pub(super) fn field(plane: PlaneId) -> String {
-    let spelling = plane.feature.spelling(plane.quantity).unwrap_or(plane.feature.row().name);
-    let mut name = String::new();
-    for c in spelling.chars() {
-        if c.is_ascii_uppercase() {
-            name.push('_');
-        }
-        name.push(c.to_ascii_lowercase());
-    }
-    if PlaneId::components(plane.feature, plane.quantity) > 1 {
-        name.push('_');
-        name.push_str(axis(plane));
-    }
-    name
-}
-
-/// The letter of a component: that of its channel, where it comes from one.
-fn axis(plane: PlaneId) -> &'static str {
-    let k = usize::from(plane.component);
-    let channel = match (plane.feature, plane.quantity) {
-        (Feature::Pixel, _) => None,
-        (_, Quantity::Value | Quantity::Gradient | Quantity::Variance) => {
-            plane.feature.row().channels.get(k)
-        }
-    };
-    match channel.and_then(|channel| channel.rsplit('.').next()) {
-        Some("R") => "r",
-        Some("G") => "g",
-        Some("B") => "b",
-        Some(_) | None => ["x", "y", "z"][k],
-    }
+    planes.iter().map(|plane| plane.identifier()).collect()
 }
 
 /// Names, a few to the line.

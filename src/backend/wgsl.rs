@@ -35,17 +35,8 @@
 
 use std::fmt::Write;
 
+pub use super::Precision;
 use crate::expr::tape::{EXP2I_MAGIC, Input, Instr, Native, Prim, Tape, Value};
-
-/// How much accuracy a shader keeps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Precision {
-    /// Every row of the operator table within its budget.
-    #[default]
-    Exact,
-    /// Built-in exponentials and logarithms, and no care for roundings.
-    Fast,
-}
 
 /// What a device rounds correctly, beyond what WGSL asks of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

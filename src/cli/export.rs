@@ -1,5 +1,6 @@
 //! `tamis export`: a filter as code or equations for others.
 
+use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 
 use clap::Args;
@@ -7,17 +8,21 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use super::error::Error;
 use super::resolve::resolve;
-use crate::export::{Language, export};
+use crate::backend::Precision;
+use crate::export::{ExportError, Language, export};
 use crate::plan::Window;
 use crate::scene::write_atomically;
 
 const EXAMPLES: &str = "\
 Examples:
   tamis export tamis-1 --lang c -o tamis_1.c
+  tamis export tamis-1 --lang hlsl --precision fast -o tamis_1.hlsl
+  tamis export bilateral --lang spirv -o bilateral.spv
   tamis export out/best.toml --lang latex
-  tamis export 'exp(-distance2(normal, normal) / 0.1)' --lang c --radius 6
+  tamis export 'exp(-distance2(normal, normal) / 0.1)' --lang wgsl --radius 6
 
-The first lines of every export say what the weight looks at and in which units.";
+The first lines of every export say what the weight looks at and in which units;
+those of shaders, also what to bind and dispatch. SPIR-V holds them as its source.";
 
 /// Write a filter as code or equations to paste elsewhere.
 #[derive(Debug, Args)]
@@ -38,6 +43,10 @@ pub(super) struct Export {
     /// Window radius in pixels [default: the filter's own; 10 for expressions]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(..=i64::from(Window::MAX_RADIUS)))]
     radius: Option<u32>,
+
+    /// How accurate shaders are; the other languages are always exact
+    #[arg(long, value_name = "PRECISION", default_value = Precision::Exact.name(), value_parser = precisions())]
+    precision: Precision,
 }
 
 /// Reads a language by its name, and lists them all.
@@ -47,15 +56,33 @@ fn languages() -> impl TypedValueParser<Value = Language> {
         .map(|name| Language::named(&name).expect("the command line accepts no other name"))
 }
 
+/// Reads a precision by its name, and lists both.
+fn precisions() -> impl TypedValueParser<Value = Precision> {
+    let listed = |precision: Precision| PossibleValue::new(precision.name()).help(precision.doc());
+    PossibleValuesParser::new(Precision::ALL.map(listed))
+        .map(|name| Precision::named(&name).expect("the command line accepts no other name"))
+}
+
 impl Export {
     pub(super) fn run(&self) -> Result<Vec<u8>, Error> {
-        let text = export(&resolve(&self.filter, self.radius)?, self.lang)?;
+        let name = self.lang.name();
+        if self.lang.is_binary() && self.output.is_none() && io::stdout().is_terminal() {
+            return Err(Error::Usage(format!(
+                "`--lang {name}` is binary and would garble the terminal; name a file with \
+                 --output, or redirect stdout"
+            )));
+        }
+        let filter = resolve(&self.filter, self.radius)?;
+        let bytes = match export(&filter, self.lang, self.precision) {
+            Err(error @ ExportError::AlwaysExact { .. }) => Err(Error::Usage(error.to_string())),
+            result => result.map_err(Error::Export),
+        }?;
         match &self.output {
             Some(path) => {
-                write_atomically(path, &text)?;
+                write_atomically(path, &bytes)?;
                 Ok(Vec::new())
             }
-            None => Ok(text),
+            None => Ok(bytes),
         }
     }
 }

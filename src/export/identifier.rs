@@ -26,18 +26,6 @@ pub(super) fn of(name: &str) -> String {
     identifier[..end].trim_end_matches('_').to_owned()
 }
 
-/// `worldPosition` as `world_position`.
-pub(super) fn snake_case(spelling: &str) -> String {
-    let mut text = String::with_capacity(spelling.len() + 2);
-    for c in spelling.chars() {
-        if c.is_ascii_uppercase() {
-            text.push('_');
-        }
-        text.push(c.to_ascii_lowercase());
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -56,14 +44,5 @@ mod tests {
             assert_eq!(of(name), identifier, "{name:?}");
         }
         assert_eq!(of(&"long ".repeat(1000)), "long_long_long_long_long_long_long_long");
-    }
-
-    #[test]
-    fn spellings_in_snake_case() {
-        for (spelling, text) in
-            [("depth", "depth"), ("wpGradient", "wp_gradient"), ("secTGradient", "sec_t_gradient")]
-        {
-            assert_eq!(snake_case(spelling), text);
-        }
     }
 }

@@ -12,78 +12,30 @@
 //! - Code comes from the tape that the back ends run, and sums in the order that
 //!   [`crate::backend`] states. Languages that round as `f32` does give the bits
 //!   of the interpreter on the same plan.
+//! - Shaders are the kernel that the GPU back end runs, and validated before they
+//!   are written.
 //! - Whatever the filter is called, the text is well formed.
 //!
 //! What it does not know: files. Whoever asks gets bytes.
 //!
-//! Adding a language is adding a variant to [`Language`] and what the compiler
-//! then asks for: its row, and its arm in [`export`].
+//! Adding a language is adding a variant to [`Language`] or [`Shading`] and what
+//! the compiler then asks for: its row, and its writer.
 
 mod c;
 mod header;
 mod identifier;
+mod language;
 mod latex;
+#[cfg(feature = "gpu")]
+mod shading;
 mod term;
 
+pub use language::{Language, Shading};
+
+use crate::backend::Precision;
 use crate::expr::tree::Tree;
 use crate::plan::{Filter, Passes, Plan, PlanError, Source, Stage};
 use crate::scene::Facts;
-
-/// What a filter can be exported as.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Language {
-    /// C99.
-    C,
-    /// LaTeX with amsmath.
-    Latex,
-}
-
-/// A language as the command line knows it.
-struct Row {
-    name: &'static str,
-    ending: &'static str,
-    doc: &'static str,
-}
-
-impl Language {
-    /// Every language.
-    pub const ALL: [Self; 2] = [Self::C, Self::Latex];
-
-    /// What the command line calls it.
-    pub fn name(self) -> &'static str {
-        self.row().name
-    }
-
-    /// The usual ending of its files' names.
-    pub fn ending(self) -> &'static str {
-        self.row().ending
-    }
-
-    /// One line for people.
-    pub fn doc(self) -> &'static str {
-        self.row().doc
-    }
-
-    /// The language of a name.
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|language| language.name() == name)
-    }
-
-    fn row(self) -> Row {
-        match self {
-            Self::C => Row {
-                name: "c",
-                ending: "c",
-                doc: "C99: weight function and kernel, the interpreter's bits",
-            },
-            Self::Latex => Row {
-                name: "latex",
-                ending: "tex",
-                doc: "LaTeX with amsmath: the filter as equations",
-            },
-        }
-    }
-}
 
 /// Why a filter cannot be exported.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -107,6 +59,34 @@ pub enum ExportError {
         /// Why.
         source: PlanError,
     },
+    /// There is nothing to choose.
+    #[error("`{language}` is always exact; only shading languages take `--precision fast`")]
+    AlwaysExact {
+        /// The language.
+        language: &'static str,
+    },
+    /// A shading language, in a program that knows none.
+    #[error(
+        "the program was built without the feature `gpu`, which `--lang {language}` needs; build \
+         it with that feature, or choose `--lang c`"
+    )]
+    WithoutGpu {
+        /// The language.
+        language: &'static str,
+    },
+    /// The shader is not valid or cannot be said in its language: an error of ours.
+    #[error(
+        "filter `{filter}` cannot be exported as `{language}`, which is an error of this program; \
+         choose another language. The reason: {reason}"
+    )]
+    Refused {
+        /// The filter's name.
+        filter: String,
+        /// The language.
+        language: &'static str,
+        /// What was said.
+        reason: String,
+    },
 }
 
 /// A filter on its way out, as every language gets it.
@@ -122,10 +102,16 @@ struct Subject<'a> {
 }
 
 /// Exports a filter. The result is text in UTF-8 unless the language is binary.
+/// Only shading languages can be less than exact.
 ///
 /// # Errors
-/// If the filter has several stages, or no plan can be made of it.
-pub fn export(filter: &Filter, language: Language) -> Result<Vec<u8>, ExportError> {
+/// If the filter has several stages, or no plan can be made of it, or the language
+/// is not to be had like that.
+pub fn export(
+    filter: &Filter,
+    language: Language,
+    precision: Precision,
+) -> Result<Vec<u8>, ExportError> {
     let name = filter.name.as_str();
     let [Stage { weight, window, source: Source::Color }] = filter.stages.as_slice() else {
         return Err(ExportError::Stages { filter: name.to_owned(), stages: filter.stages.len() });
@@ -135,21 +121,20 @@ pub fn export(filter: &Filter, language: Language) -> Result<Vec<u8>, ExportErro
     let plan = Plan::new(std::slice::from_ref(weight), *window, &Facts::of_any_scene(), passes)
         .map_err(|source| ExportError::Plan { filter: name.to_owned(), source })?;
     let subject = Subject { name, identifier: identifier::of(name), weight, plan };
-    Ok(match language {
-        Language::C => c::text(&subject).into_bytes(),
-        Language::Latex => latex::text(&subject).into_bytes(),
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn languages_have_names_of_their_own() {
-        for language in Language::ALL {
-            assert_eq!(Language::named(language.name()), Some(language));
+    match (language, precision) {
+        (Language::C, Precision::Exact) => Ok(c::text(&subject).into_bytes()),
+        (Language::Latex, Precision::Exact) => Ok(latex::text(&subject).into_bytes()),
+        (Language::C | Language::Latex, Precision::Fast) => {
+            Err(ExportError::AlwaysExact { language: language.name() })
         }
-        assert_eq!(Language::named("fortran"), None);
+        #[cfg(feature = "gpu")]
+        (Language::Shading(shading), precision) => shading::bytes(&subject, shading, precision)
+            .map_err(|reason| ExportError::Refused {
+                filter: name.to_owned(),
+                language: language.name(),
+                reason,
+            }),
+        #[cfg(not(feature = "gpu"))]
+        (Language::Shading(_), _) => Err(ExportError::WithoutGpu { language: language.name() }),
     }
 }

@@ -1,6 +1,5 @@
 //! What a weight looks at of a pixel, as exports name it.
 
-use super::identifier::snake_case;
 use crate::expr::feature::{Feature, FeatureRow, PlaneId, Quantity};
 use crate::plan::Plan;
 
@@ -34,7 +33,7 @@ impl Term {
 
     /// What code calls it.
     pub(super) fn field(self) -> String {
-        snake_case(self.spelling())
+        self.feature.identifier(self.quantity)
     }
 
     /// How many numbers it is.

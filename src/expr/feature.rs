@@ -192,6 +192,20 @@ impl Feature {
         }
     }
 
+    /// What code calls one of its quantities, as far as expressions can name it:
+    /// `world_position`, `wp_gradient`.
+    pub fn identifier(self, quantity: Quantity) -> String {
+        let spelling = self.spelling(quantity).unwrap_or(self.row().name);
+        let mut identifier = String::with_capacity(spelling.len() + 2);
+        for c in spelling.chars() {
+            if c.is_ascii_uppercase() {
+                identifier.push('_');
+            }
+            identifier.push(c.to_ascii_lowercase());
+        }
+        identifier
+    }
+
     /// Looks a spelling up.
     pub fn parse(text: &str) -> Option<(Self, Quantity)> {
         Self::terms().find(|&(f, q)| f.spelling(q) == Some(text))
@@ -238,6 +252,20 @@ impl PlaneId {
             Quantity::Variance => 1,
         }
     }
+
+    /// What code calls it where it is a number of its own: `world_position_x`,
+    /// `texture_r`, `n_variance`.
+    pub fn identifier(self) -> String {
+        let Self { feature, quantity, component } = self;
+        let name = feature.identifier(quantity);
+        if Self::components(feature, quantity) == 1 {
+            return name;
+        }
+        let k = usize::from(component);
+        let channel = feature.row().channels.get(k).and_then(|channel| channel.rsplit('.').next());
+        let axis = channel.unwrap_or(["X", "Y", "Z"][k]).to_ascii_lowercase();
+        format!("{name}_{axis}")
+    }
 }
 
 impl fmt::Display for PlaneId {
@@ -270,5 +298,25 @@ mod tests {
             let text = feature.spelling(quantity).expect("terms() lists only what has a spelling");
             assert_eq!(Feature::parse(text), Some((feature, quantity)));
         }
+    }
+
+    #[test]
+    fn identifiers_are_in_snake_case_and_unique() {
+        let planes = Feature::terms().flat_map(|(f, q)| PlaneId::of(f, q));
+        let identifiers: Vec<String> = planes.map(PlaneId::identifier).collect();
+        for expected in [
+            "depth",
+            "d_gradient",
+            "world_position_x",
+            "wp_gradient_z",
+            "sec_t_gradient_g",
+            "sec_tex_variance",
+            "color_r",
+            "pixel_y",
+        ] {
+            assert_eq!(identifiers.iter().filter(|known| *known == expected).count(), 1);
+        }
+        let unique: std::collections::BTreeSet<_> = identifiers.iter().collect();
+        assert_eq!(unique.len(), identifiers.len());
     }
 }

@@ -255,7 +255,7 @@ fn every_shader_is_valid() {
                     let dialect = Dialect { precision, arithmetic };
                     for tap_table in [true, false] {
                         let style = Style { dialect, loads, tap_table };
-                        let shader = Shader::new(&plan, style, "// A test.");
+                        let shader = Shader::new(&plan, style);
                         validate(&shader.text, &weights[0].to_string());
                     }
                 }

@@ -6,29 +6,35 @@
 #[path = "../fixture/mod.rs"]
 mod fixture;
 mod gpu;
+#[path = "../harness/mod.rs"]
+mod harness;
 mod rows;
 mod suite;
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 use std::sync::LazyLock;
 
-use libtest_mimic::{Arguments, Trial};
+use libtest_mimic::Arguments;
 use tamis::backend::gpu::{Gpu, Options, adapters};
 use tamis::backend::shader::Loads;
 use tamis::backend::wgsl::Precision;
 use tamis::backend::{Backend, Interpreter, Jit};
 use tamis_jit::Chains;
 
+use harness::{is_required, trial};
+
 type Opened = LazyLock<Box<dyn Backend + Send>>;
 
 static INTERP: Opened = LazyLock::new(|| Box::new(Interpreter));
 static JIT: Opened = LazyLock::new(|| jit(Chains::Four));
 static JIT_OF_ONE_CHAIN: Opened = LazyLock::new(|| jit(Chains::One));
-static GPU: Opened = LazyLock::new(|| open(Precision::Exact, Loads::Packed));
-static GPU_PLANAR: Opened = LazyLock::new(|| open(Precision::Exact, Loads::Planar));
-static GPU_TILED: Opened = LazyLock::new(|| open(Precision::Exact, Loads::Tiled));
-static GPU_FAST: Opened = LazyLock::new(|| open(Precision::Fast, Loads::Packed));
+static GPU: Opened = LazyLock::new(|| open(Options::default()));
+static GPU_PLANAR: Opened = LazyLock::new(|| open(loading(Loads::Planar)));
+static GPU_TILED: Opened = LazyLock::new(|| open(loading(Loads::Tiled)));
+static GPU_FAST: Opened =
+    LazyLock::new(|| open(Options { precision: Precision::Fast, ..Options::default() }));
+static GPU_WITHOUT_TABLE: Opened =
+    LazyLock::new(|| open(Options { tap_table: false, ..Options::default() }));
 
 const PROCESSOR: &[(&str, &Opened)] =
     &[("interp", &INTERP), ("jit", &JIT), ("jit_of_one_chain", &JIT_OF_ONE_CHAIN)];
@@ -37,21 +43,24 @@ const GPUS: &[(&str, &Opened)] = &[
     ("gpu_planar", &GPU_PLANAR),
     ("gpu_tiled", &GPU_TILED),
     ("gpu_fast", &GPU_FAST),
+    ("gpu_without_table", &GPU_WITHOUT_TABLE),
 ];
 
 fn jit(chains: Chains) -> Box<dyn Backend + Send> {
     Box::new(Jit::new().expect("the host has a code generator").with_chains(chains))
 }
 
-fn open(precision: Precision, loads: Loads) -> Box<dyn Backend + Send> {
-    let options = Options { precision, loads, ..Options::default() };
+fn loading(loads: Loads) -> Options {
+    Options { loads, ..Options::default() }
+}
+
+fn open(options: Options) -> Box<dyn Backend + Send> {
     Box::new(Gpu::open(&options).unwrap_or_else(|error| panic!("{error}")))
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
-    let required = std::env::var_os("TAMIS_REQUIRE_GPU").is_some_and(|value| value != "0");
-    let absent = adapters().is_empty() && !required;
+    let absent = adapters().is_empty() && !is_required();
 
     let mut trials = Vec::new();
     for (backends, ignored) in [(PROCESSOR, false), (GPUS, absent)] {
@@ -72,16 +81,4 @@ fn main() -> ExitCode {
         trials.push(trial(name.to_owned(), false, check));
     }
     libtest_mimic::run(&arguments, trials).exit_code()
-}
-
-fn trial(name: String, ignored: bool, check: impl Fn() + Send + 'static) -> Trial {
-    let test = move || {
-        catch_unwind(AssertUnwindSafe(check)).map_err(|panic| {
-            let text = panic.downcast_ref::<String>().cloned();
-            text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()))
-                .unwrap_or_else(|| "panicked".to_owned())
-                .into()
-        })
-    };
-    Trial::test(name, test).with_ignored_flag(ignored)
 }

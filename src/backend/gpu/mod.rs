@@ -64,6 +64,9 @@ pub struct Options {
     pub precision: Precision,
     /// How shaders read.
     pub loads: Loads,
+    /// Whether they read what depends on the offset alone from a table; else they
+    /// compute it for every pair, as exports do.
+    pub tap_table: bool,
 }
 
 impl Default for Options {
@@ -73,6 +76,7 @@ impl Default for Options {
             max_memory: 1 << 30,
             precision: Precision::default(),
             loads: Loads::default(),
+            tap_table: true,
         }
     }
 }
@@ -117,7 +121,7 @@ impl Gpu {
             device,
             kind: adapter.kind(),
             max_memory: options.max_memory,
-            style: Style { dialect, loads: options.loads, tap_table: true },
+            style: Style { dialect, loads: options.loads, tap_table: options.tap_table },
             pipelines: Mutex::default(),
             slots: Slots::default(),
             busy: AtomicU64::new(0),
@@ -177,12 +181,12 @@ impl Backend for Gpu {
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
         let device = &self.0.device;
         let mut style = self.0.style;
-        let mut shader = Shader::new(plan, style, "");
+        let mut shader = Shader::new(plan, style);
         let shared = device.limits.max_compute_workgroup_storage_size as usize;
         if shader.workgroup_bytes > shared {
             // The strip of a wide window of many planes does not fit.
             style.loads = Loads::Packed;
-            shader = Shader::new(plan, style, "");
+            shader = Shader::new(plan, style);
         }
         let pipeline = self.0.pipeline(&shader.text)?;
         let table = tap_table(plan, shader.tap_quads);
@@ -211,10 +215,11 @@ impl Opened {
     }
 }
 
-/// The tap tape's results, padded to whole vectors per tap.
+/// The tap tape's results, padded to whole vectors per tap; nothing if a shader
+/// reads none.
 fn tap_table(plan: &Plan, quads: usize) -> Vec<f32> {
     let values = plan.tap().results().len();
-    if values == 0 {
+    if quads == 0 {
         return Vec::new();
     }
     let dense = Rates::new(plan).per_tap();

@@ -1,8 +1,5 @@
-//! Exports, as people use them: C is compiled by this machine's compiler without
-//! a warning and filters whole images to the interpreter's bits; equations are
-//! compared with those that were read and found right.
-
-mod fixture;
+//! C, as people use it: compiled by this machine's compiler without a warning, it
+//! filters whole images to the interpreter's bits.
 
 use std::fmt::Write;
 use std::fs;
@@ -10,17 +7,21 @@ use std::path::Path;
 use std::process::Command;
 
 use tamis::backend::{Backend, Filtered, Interpreter, Rect};
-use tamis::export::{ExportError, Language, export};
-use tamis::expr::{Feature, PlaneId, Quantity, codebook};
+use tamis::export::Language;
+use tamis::expr::{Feature, PlaneId};
 use tamis::plan::{Filter, Passes, Plan, Window};
 use tamis::scene::{Facts, Scene};
 
-use fixture::{parse, scene};
+use crate::every::hostile_names;
+use crate::fixture::{bred, parse, scene};
+use crate::{known_and_shipped, text};
 
-fn text(filter: &Filter, language: Language) -> String {
-    let bytes = export(filter, language).unwrap_or_else(|error| panic!("{error}"));
-    String::from_utf8(bytes).expect("the language is text")
-}
+pub(crate) const CASES: &[(&str, fn())] = &[
+    ("c::named_and_shipped_filters_give_the_interpreters_bits", named_and_shipped_filters),
+    ("c::bred_filters_give_the_interpreters_bits", bred_filters),
+    ("c::weights_of_every_shape_give_the_interpreters_bits", weights_of_every_shape),
+    ("c::any_name_compiles", any_name_compiles),
+];
 
 /// A filter of the fixture's kind, called by a letter and a number.
 fn numbered(k: usize, weight: &str, window: Window) -> Filter {
@@ -90,7 +91,7 @@ fn program(filters: &[Filter]) -> String {
             if feature == Feature::Pixel || !is_read {
                 continue;
             }
-            let field = snake_case(feature.spelling(quantity).expect("a term"));
+            let field = feature.identifier(quantity);
             let components = PlaneId::components(feature, quantity);
             for c in 0..components {
                 let index = if components == 1 { String::new() } else { format!("[{c}]") };
@@ -143,14 +144,6 @@ int main(int argc, char **argv)
 CALLS    return 0;
 }
 "#;
-
-fn snake_case(spelling: &str) -> String {
-    let word = |c: char| match c.is_ascii_uppercase() {
-        true => format!("_{}", c.to_ascii_lowercase()),
-        false => c.to_string(),
-    };
-    spelling.chars().map(word).collect()
-}
 
 /// The noisy colour, then three images for every term, those that a term lacks
 /// left blank.
@@ -210,14 +203,11 @@ fn scenes() -> [Scene; 3] {
     [scene(37, 11, 21), scene(6, 4, 22), scene(1, 1, 23)]
 }
 
-#[test]
-fn named_and_shipped_filters_in_c_give_the_interpreters_bits() {
-    let shipped = Filter::read(Path::new("data/filters/tamis-1.toml")).expect("it is shipped");
-    let weights = codebook::known().iter().map(|known| &known.weight);
-    let weights = weights.chain([&shipped.stages[0].weight]);
+fn named_and_shipped_filters() {
     let windows = [Window::dense(2), Window::dense(16), Window { radius: 3, dilation: 2 }];
-    let filters: Vec<Filter> = weights
-        .flat_map(|weight| windows.map(|window| (weight.to_string(), window)))
+    let filters: Vec<Filter> = known_and_shipped()
+        .iter()
+        .flat_map(|filter| windows.map(|window| (filter.stages[0].weight.to_string(), window)))
         .enumerate()
         .map(|(k, (weight, window))| numbered(k, &weight, window))
         .collect();
@@ -225,17 +215,15 @@ fn named_and_shipped_filters_in_c_give_the_interpreters_bits() {
     agree(&filters, &scenes());
 }
 
-#[test]
-fn bred_filters_in_c_give_the_interpreters_bits() {
-    let bred = fixture::bred().into_iter().enumerate();
+fn bred_filters() {
+    let bred = bred().into_iter().enumerate();
     let filters: Vec<Filter> =
         bred.map(|(k, weight)| numbered(k, weight, Window::dense(3))).collect();
     assert_eq!(filters.len(), 30);
     agree(&filters, &scenes());
 }
 
-#[test]
-fn weights_of_every_shape_in_c_give_the_interpreters_bits() {
+fn weights_of_every_shape() {
     let signed = "distance1(pixel, pixel) - 1.2";
     let mut weights = vec![
         // Sums that cancel, sums of nothing, and nothing to look at.
@@ -276,103 +264,13 @@ fn weights_of_every_shape_in_c_give_the_interpreters_bits() {
     assert!(kept > 0, "the guard was not tried");
 }
 
-#[test]
-fn code_and_equations_are_well_formed_whatever_the_filter_is_called() {
+fn any_name_compiles() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let long = "long ".repeat(2000);
-    for name in [
-        "",
-        "1",
-        "2017 filter",
-        "int",
-        "NAME",
-        "STEP",
-        "_",
-        "__x",
-        "a-b",
-        "*/ #error out",
-        "/* in",
-        "/*/",
-        "a\n#error line\n",
-        "\\",
-        "what??/",
-        "??/ b",
-        "\\\n*/ #error",
-        "é/日本語",
-        "\u{202e}bidi",
-        "\u{0}\u{7}\u{85}\u{2028}",
-        "%d \"quoted\" 'x'",
-        "}; #endif",
-        "$\\end{document}%",
-        &long,
-    ] {
+    for name in hostile_names() {
         let filter = Filter::single(name, parse("exp(-distance2(normal, normal))"), 2);
         fs::write(folder.path().join("named.c"), text(&filter, Language::C)).expect("writable");
         let mut check = compiler(folder.path());
         check.args(["-fsyntax-only", "named.c"]);
         succeed(check);
-        // The name stands in comments, which are all that it can reach.
-        let plain = Filter { name: "plain".to_owned(), ..filter.clone() };
-        let [named, plain] = [filter, plain].map(|filter| {
-            let equations = text(&filter, Language::Latex);
-            let lines = equations.lines().filter(|line| !line.starts_with('%'));
-            lines.map(str::to_owned).collect::<Vec<_>>()
-        });
-        assert_eq!(named, plain, "{name:?}");
-    }
-}
-
-#[test]
-fn exports_of_several_stages_are_refused() {
-    let mut filter = Filter::single("twice", parse("1"), 2);
-    filter.stages.push(filter.stages[0].clone());
-    for language in Language::ALL {
-        let error = export(&filter, language).expect_err("two stages");
-        assert_eq!(error, ExportError::Stages { filter: "twice".to_owned(), stages: 2 });
-    }
-    filter.stages.truncate(1);
-    filter.stages[0].window.radius = 1000;
-    assert!(matches!(export(&filter, Language::C), Err(ExportError::Plan { .. })));
-}
-
-#[test]
-fn every_term_is_explained() {
-    for (feature, quantity) in Feature::terms() {
-        let term = feature.spelling(quantity).expect("a term");
-        let weight = match quantity {
-            Quantity::Variance => term.to_owned(),
-            Quantity::Value | Quantity::Gradient => format!("dot({term}, {term})"),
-        };
-        let filter = Filter::single(term, parse(&weight), 2);
-        for language in Language::ALL {
-            let export = text(&filter, language);
-            let called = match language {
-                Language::C => snake_case(term),
-                Language::Latex => term.to_owned(),
-            };
-            let doc = feature.row().doc;
-            let words: Vec<&str> =
-                export.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
-            assert!(words.contains(&called.as_str()), "no {called} in: {export}");
-            let doc = doc.split_whitespace().next().expect("there is a doc");
-            assert!(export.to_lowercase().contains(doc), "no {doc} in: {export}");
-        }
-    }
-}
-
-fn named(name: &str) -> Filter {
-    let weight = codebook::named(name).expect("it is known").clone();
-    Filter::single(name, weight, Window::DEFAULT_RADIUS)
-}
-
-#[test]
-fn bilateral_in_c() {
-    insta::assert_snapshot!(text(&named("bilateral"), Language::C));
-}
-
-#[test]
-fn named_filters_in_latex() {
-    for known in codebook::known() {
-        insta::assert_snapshot!(known.name, text(&named(known.name), Language::Latex));
     }
 }

@@ -1,0 +1,57 @@
+//! Exports, as people use them: code is given to compilers, and C is run; all
+//! are compared with those that were read and found right.
+//!
+//! Compilers of shading languages that are absent are shown as ignored, never as
+//! passed; with `TAMIS_REQUIRE_GPU=1` in the environment their absence is a
+//! failure.
+
+mod c;
+mod every;
+#[path = "../fixture/mod.rs"]
+mod fixture;
+#[path = "../harness/mod.rs"]
+mod harness;
+#[cfg(feature = "gpu")]
+mod shading;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use libtest_mimic::{Arguments, Trial};
+use tamis::backend::Precision;
+use tamis::export::{Language, export};
+use tamis::expr::codebook;
+use tamis::plan::{Filter, Window};
+
+use harness::trial;
+
+fn main() -> ExitCode {
+    let cases = c::CASES.iter().chain(every::CASES);
+    #[cfg(feature = "gpu")]
+    let cases = cases.chain(shading::CASES);
+    let trials = cases.map(|&(name, check)| trial(name.to_owned(), false, check));
+    #[cfg(feature = "gpu")]
+    let trials = trials.chain(shading::compiled());
+    let trials: Vec<Trial> = trials.collect();
+    libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
+}
+
+/// An export.
+fn bytes(filter: &Filter, language: Language, precision: Precision) -> Vec<u8> {
+    export(filter, language, precision).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// An exact export in a language that is text.
+fn text(filter: &Filter, language: Language) -> String {
+    let bytes = bytes(filter, language, Precision::Exact);
+    String::from_utf8(bytes).expect("the language is text")
+}
+
+/// The filters that have names of their own, the one that is shipped among them.
+fn known_and_shipped() -> Vec<Filter> {
+    let known = codebook::known()
+        .iter()
+        .map(|known| Filter::single(known.name, known.weight.clone(), Window::DEFAULT_RADIUS));
+    let shipped = Filter::read(Path::new("data/filters/tamis-1.toml")).expect("it is shipped");
+    known.chain([shipped]).collect()
+}
