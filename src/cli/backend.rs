@@ -2,11 +2,12 @@
 
 use std::num::NonZeroUsize;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
 use super::error::Error;
 use super::log::Log;
-use crate::backend::{Backend, Interpreter};
+use crate::backend::{Backend, Interpreter, Precision};
 
 /// What runs filters on the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -59,13 +60,11 @@ impl Choice {
     };
 }
 
-/// How accurate shaders are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum PrecisionChoice {
-    /// Every operator within its budget, as on the processor
-    Exact,
-    /// Built-in exponentials and logarithms: within 1e-4 of the exact colour
-    Fast,
+/// Reads a precision by its name, and lists both.
+pub(super) fn precisions() -> impl TypedValueParser<Value = Precision> {
+    let listed = |precision: Precision| PossibleValue::new(precision.name()).help(precision.doc());
+    PossibleValuesParser::new(Precision::ALL.map(listed))
+        .map(|name| Precision::named(&name).expect("the command line accepts no other name"))
 }
 
 /// Which back end runs filters, and how.
@@ -86,8 +85,8 @@ pub(super) struct BackendArgs {
     max_memory: u64,
 
     /// How accurate the GPU computes
-    #[arg(long, value_enum, value_name = "PRECISION", default_value_t = PrecisionChoice::Exact)]
-    precision: PrecisionChoice,
+    #[arg(long, value_name = "PRECISION", default_value = Precision::Exact.name(), value_parser = precisions())]
+    precision: Precision,
 }
 
 #[cfg(feature = "gpu")]
@@ -178,15 +177,10 @@ impl BackendArgs {
 
     #[cfg(feature = "gpu")]
     fn options(&self) -> crate::backend::gpu::Options {
-        use crate::backend::wgsl::Precision;
-
         crate::backend::gpu::Options {
             adapter: self.gpu.clone(),
             max_memory: self.max_memory,
-            precision: match self.precision {
-                PrecisionChoice::Exact => Precision::Exact,
-                PrecisionChoice::Fast => Precision::Fast,
-            },
+            precision: self.precision,
             ..crate::backend::gpu::Options::default()
         }
     }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
+use super::backend::precisions;
 use super::error::Error;
 use super::resolve::resolve;
 use crate::backend::Precision;
@@ -54,13 +55,6 @@ fn languages() -> impl TypedValueParser<Value = Language> {
     let listed = |language: Language| PossibleValue::new(language.name()).help(language.doc());
     PossibleValuesParser::new(Language::ALL.map(listed))
         .map(|name| Language::named(&name).expect("the command line accepts no other name"))
-}
-
-/// Reads a precision by its name, and lists both.
-fn precisions() -> impl TypedValueParser<Value = Precision> {
-    let listed = |precision: Precision| PossibleValue::new(precision.name()).help(precision.doc());
-    PossibleValuesParser::new(Precision::ALL.map(listed))
-        .map(|name| Precision::named(&name).expect("the command line accepts no other name"))
 }
 
 impl Export {
