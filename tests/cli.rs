@@ -248,7 +248,9 @@ fn a_wrong_command_line_is_told_from_failed_work() {
     place.fails(2, &with(&["--filter", "bilatral"]), &["bilatral", "cross-bilateral"]);
     place.fails(2, &with(&["--filter", "exp(normal)"]), &["exp(normal)", "    ^"]);
     place.fails(2, &with(&["--filter", "normal"]), &["distance2(normal, normal)"]);
-    place.fails(2, &with(&["--backend", "gpu"]), &["gpu", "interp"]);
+    place.fails(2, &with(&["--backend", "abacus"]), &["abacus", "gpu", "interp"]);
+    place.fails(2, &with(&["--gpu", "0"]), &["--gpu", "--backend auto"]);
+    place.fails(2, &with(&["--precision", "double"]), &["double", "exact", "fast"]);
     place.fails(2, &with(&["--radius", "129"]), &["129", "128"]);
     place.fails(2, &with(&["--without", "luck"]), &["luck", "share"]);
     let onto_itself = ["denoise", "room/4spp.exr", "-o", "room/../room/4spp.exr"];
@@ -259,6 +261,40 @@ fn a_wrong_command_line_is_told_from_failed_work() {
     place.fails(2, &["evolve", "--resume", "--seed", "3"], &["--seed"]);
     assert_eq!(place.run(&["--help"]).status.code(), Some(0));
     assert!(place.done(&["--version"]).starts_with("tamis "));
+}
+
+/// With the drivers of this computer out of sight; those of other systems are not
+/// found by a variable.
+#[test]
+#[cfg(all(feature = "gpu", target_os = "linux"))]
+fn without_a_gpu_the_way_out_is_named_and_auto_takes_it() {
+    let place = Place::new();
+    let run = |arguments: &[&str]| {
+        let mut command = place.program(arguments);
+        for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+            command.env(variable, place.path("no_driver.json"));
+        }
+        command.output().expect("the program starts")
+    };
+    let denoise = ["denoise", "room/4spp.exr", "--filter", EDGE_AWARE, "-o"];
+    let gpu = run(&[&denoise[..], &["gpu.exr", "--backend", "gpu"]].concat());
+    assert_eq!(gpu.status.code(), Some(1));
+    assert!(stderr(&gpu).contains("no GPU was found"), "{}", stderr(&gpu));
+    assert!(stderr(&gpu).contains("--backend jit"), "{}", stderr(&gpu));
+    assert!(!place.path("gpu.exr").exists());
+    let listed = run(&["gpus"]);
+    assert_eq!((listed.status.code(), listed.stdout.len()), (Some(1), 0));
+    assert_eq!(run(&["gpus", "--json"]).stdout, b"[]\n");
+
+    let auto = run(&[&denoise[..], &["auto.exr", "--backend", "auto"]].concat());
+    assert!(auto.status.success(), "{}", stderr(&auto));
+    assert!(stderr(&auto).contains("no GPU was found"), "{}", stderr(&auto));
+    place.done(&[&denoise[..], &["jit.exr"]].concat());
+    assert_eq!(place.bytes("auto.exr"), place.bytes("jit.exr"));
+
+    let memory = run(&[&denoise[..], &["gpu.exr", "--max-memory", "lots"]].concat());
+    assert_eq!(memory.status.code(), Some(2));
+    assert!(stderr(&memory).contains("512M"), "{}", stderr(&memory));
 }
 
 #[test]

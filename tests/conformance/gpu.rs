@@ -1,6 +1,7 @@
 //! What is promised of the GPU back end alone.
 
 use std::path::Path;
+use std::process::Command;
 
 use rayon::prelude::*;
 use tamis::backend::gpu::{FAST_ACCURACY, Gpu, GpuError, Options};
@@ -9,7 +10,7 @@ use tamis::backend::wgsl::{Arithmetic, Dialect, Precision};
 use tamis::backend::{ACCURACY, Backend, BackendError, Jit, Rect, oracle};
 use tamis::expr::{Feature, Op, Quantity, Tree, codebook};
 use tamis::plan::{Passes, Plan, Source, Stage, Window};
-use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Scene};
+use tamis::scene::{Facts, Image, LoadOptions, Needs, RawScene, Scene};
 
 use crate::fixture::{bred, parse, scene};
 use crate::suite::{plan, run};
@@ -21,6 +22,7 @@ pub(crate) const CASES: &[(&str, fn())] = &[
     ("gpu::a_lost_device_is_an_error", a_lost_device_is_an_error),
     ("gpu::an_unknown_gpu_is_an_error", an_unknown_gpu_is_an_error),
     ("gpu::test_scenes", || test_scenes(4, 24)),
+    ("gpu::denoise_agrees_with_machine_code", denoise_agrees_with_machine_code),
 ];
 
 /// Cases that take minutes:
@@ -161,6 +163,34 @@ fn test_scenes(radius: u32, step: usize) {
                 "{name}, radius {radius}, {precision:?}: at most {exact:.1e} from the exact filter, \
                  {machine:.1e} from machine code; {left_out} ill-conditioned pixels left out"
             );
+        }
+    }
+}
+
+/// The program itself, with the filter that it ships and in little memory.
+fn denoise_agrees_with_machine_code() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for name in ["courtyard", "galley", "showroom"] {
+        let input =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("data/test").join(name).join("4spp.exr");
+        let [gpu, jit] = [&["gpu", "--max-memory", "2M"][..], &["jit"]].map(|backend| {
+            let output = folder.path().join(format!("{name}-{}.exr", backend[0]));
+            let done = Command::new(env!("CARGO_BIN_EXE_tamis"))
+                .args(["denoise", "--radius", "4", "--backend"])
+                .args(backend)
+                .arg(&input)
+                .arg("-o")
+                .arg(&output)
+                .output()
+                .expect("the program starts");
+            assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+            Image::load(&output).expect("the result is an image")
+        });
+        for c in 0..3 {
+            for (gpu, jit) in gpu.rgb()[c].iter().zip(jit.rgb()[c]) {
+                let allowed = 2.0 * ACCURACY * f64::from(jit.abs());
+                assert!(f64::from((gpu - jit).abs()) <= allowed, "{name}: {gpu}, not {jit}");
+            }
         }
     }
 }
