@@ -1,8 +1,8 @@
 //! Tapes as WGSL: one `let` per value, one match over the primitives.
 //!
-//! This writes tapes; `shader` puts them into kernels. A
-//! tape is written value by value, never as nested expressions: compilers of
-//! shading languages give up on deep nesting, not on long functions.
+//! This writes tapes; `shader` puts them into kernels. A tape is written value by
+//! value, never as nested expressions: compilers of shading languages give up on
+//! deep nesting, not on long functions.
 //!
 //! # What WGSL leaves open, and what is done about it
 //!
@@ -295,18 +295,32 @@ fn fused(a: f32, b: f32, c: f32) -> f32 {
 const QUOTIENT: &str = "
 // a / b with one step of Newton's method: this device's quotients are off.
 fn quotient(a: f32, b: f32) -> f32 {
-    let q = pinned(a / b);
-    let rest = fused(-q, b, a);
-    return fma(rest, 1f / b, q);
+    // By 2^64, where what a quotient leaves over would be subnormal.
+    let small = abs(a) < 1e-20f;
+    let raised = a * select(1f, 1.8446744e19f, small);
+    let q = pinned(raised / b);
+    // Larger ones are clamped by whatever divides, and would overflow in between.
+    let moderate = clamp(q, -1e19f, 1e19f);
+    let rest = fused(-moderate, b, raised);
+    let corrected = select(q, fma(rest, 1f / b, q), q == moderate);
+    return corrected * select(1f, 5.421011e-20f, small);
 }
 ";
 
 const ROOT: &str = "
-// sqrt(x) with one step of Newton's method: this device's roots are off.
+// sqrt(x) with one step of Newton's method, then the neighbour that it should have
+// been, if it is not (Tuckerman's test): this device's roots are off.
 fn root(x: f32) -> f32 {
-    let s = pinned(sqrt(x));
-    let rest = fused(-s, s, x);
-    let slope = 0.5f / max(s, 1.0842022e-19f);
-    return select(s, fma(rest, slope, s), s > 0f);
+    // By 2^64, where what a root leaves over would be subnormal.
+    let small = x < 1e-20f;
+    let raised = x * select(1f, 1.8446744e19f, small);
+    let s = pinned(sqrt(raised));
+    let rest = fused(-s, s, raised);
+    let near = max(fma(rest, 0.5f / max(s, 1e-20f), s), 1e-20f);
+    let below = bitcast<f32>(bitcast<u32>(near) - 1u);
+    let above = bitcast<f32>(bitcast<u32>(near) + 1u);
+    let not_too_large = select(near, below, fused(-near, below, raised) <= 0f);
+    let correct = select(not_too_large, above, fused(-near, above, raised) > 0f);
+    return select(0f, correct * select(1f, 2.3283064e-10f, small), s > 0f);
 }
 ";

@@ -7,7 +7,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tamis::backend::gpu::{Gpu, Options};
-use tamis::backend::wgsl::Precision;
+use tamis::backend::wgsl::{Arithmetic, Precision};
 use tamis::expr::Op;
 use tamis::expr::builder::{Builder, LIMIT, Rules};
 use tamis::expr::function::Budget;
@@ -15,20 +15,26 @@ use tamis::expr::interval::Interval;
 use tamis::expr::op::Form;
 use tamis::expr::tape::Input;
 
-pub(crate) const CASES: &[(&str, fn())] = &[("gpu::rows_exact", exact), ("gpu::rows_fast", fast)];
+pub(crate) const CASES: &[(&str, fn())] =
+    &[("gpu::rows_exact", exact), ("gpu::rows_of_a_poor_device", poor), ("gpu::rows_fast", fast)];
 
 const SAMPLES: usize = 1 << 18;
 
 fn exact() {
-    rows(Precision::Exact);
+    rows(Precision::Exact, None);
+}
+
+/// With nothing relied upon but what WGSL guarantees, whatever this device does.
+fn poor() {
+    rows(Precision::Exact, Some(Arithmetic::WGSL));
 }
 
 fn fast() {
-    rows(Precision::Fast);
+    rows(Precision::Fast, None);
 }
 
-fn rows(precision: Precision) {
-    let gpu = Gpu::open(&Options { precision, ..Options::default() }).expect("a GPU");
+fn rows(precision: Precision, arithmetic: Option<Arithmetic>) {
+    let gpu = Gpu::open(&Options { precision, arithmetic, ..Options::default() }).expect("a GPU");
     let mut failures = Vec::new();
     for &op in Op::ALL {
         let fast = precision == Precision::Fast;

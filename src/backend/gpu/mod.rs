@@ -64,6 +64,9 @@ pub struct Options {
     pub precision: Precision,
     /// How shaders read.
     pub loads: Loads,
+    /// What to assume of the device's rounding, where exact results are wanted; it
+    /// is measured if nothing is assumed.
+    pub arithmetic: Option<Arithmetic>,
     /// Whether they read what depends on the offset alone from a table; else they
     /// compute it for every pair, as exports do.
     pub tap_table: bool,
@@ -76,6 +79,7 @@ impl Default for Options {
             max_memory: 1 << 30,
             precision: Precision::default(),
             loads: Loads::default(),
+            arithmetic: None,
             tap_table: true,
         }
     }
@@ -112,9 +116,10 @@ impl Gpu {
     /// If it is too small or does not open.
     pub fn with(adapter: &Adapter, options: &Options) -> Result<Self, GpuError> {
         let device = Device::open(adapter)?;
-        let arithmetic = match options.precision {
-            Precision::Exact => evaluate::probe(&device)?,
-            Precision::Fast => Arithmetic::WGSL,
+        let arithmetic = match (options.precision, options.arithmetic) {
+            (Precision::Exact, Some(assumed)) => assumed,
+            (Precision::Exact, None) => evaluate::probe(&device)?,
+            (Precision::Fast, _) => Arithmetic::WGSL,
         };
         let dialect = Dialect { precision: options.precision, arithmetic };
         Ok(Self(Arc::new(Opened {
