@@ -28,7 +28,7 @@ pub(crate) const CASES: &[(&str, fn())] = &[
 /// Cases that take minutes:
 /// `cargo test --release --test conformance long -- --ignored`
 pub(crate) const LONG: &[(&str, fn())] = &[
-    ("long::gpu::test_scenes_whole", || test_scenes(5, 1)),
+    ("long::gpu::test_scenes_whole", || test_scenes(3, 1)),
     ("long::gpu::a_frame_of_8192_by_4320", a_frame_of_8192_by_4320),
 ];
 
