@@ -47,11 +47,18 @@ pub const TRUSTED_SUM: f32 = 1e-30;
 /// cancellation magnifies rounding errors by the reciprocal, at most 1024-fold.
 pub const TRUSTED_SHARE: f32 = 1.0 / 1024.0;
 
-/// What a CPU back end promises of every pixel that the guard lets through: the
-/// greatest difference from the exact meaning, relative to the pixel's colour,
-/// for weights of one sign. With weights of both signs it grows by the sums'
-/// condition, Σ |w| / |Σ w|.
+/// What a back end promises of every pixel whose weights sum to at least
+/// [`SMALLEST_SUM`] in magnitude and that the guard lets through: the greatest
+/// difference from the exact meaning, relative to the pixel's colour, for weights
+/// of one sign. With weights of both signs it grows by the sums' condition,
+/// Σ |w| / |Σ w|.
 pub const ACCURACY: f64 = 1e-5;
+
+/// Smaller sums of weights may be further from exact than [`ACCURACY`]. A factor
+/// below the normal numbers, 1e-38, is flushed to zero; beside another as large as
+/// [`LIMIT`](crate::expr::builder::LIMIT), 1e18, that takes 1e-20 from a weight, and
+/// 1e-17 from a thousand.
+pub const SMALLEST_SUM: f32 = 1e-12;
 
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use tamis::backend::gpu::{FAST_ACCURACY, Gpu, GpuError, Options};
 use tamis::backend::shader::{Loads, Shader, Style};
 use tamis::backend::wgsl::{Arithmetic, Dialect, Precision};
-use tamis::backend::{ACCURACY, Backend, BackendError, Jit, Rect, oracle};
+use tamis::backend::{ACCURACY, Backend, BackendError, Jit, Rect, SMALLEST_SUM, oracle};
 use tamis::expr::{Feature, Op, Quantity, Tree, codebook};
 use tamis::plan::{Passes, Plan, Source, Stage, Window};
 use tamis::scene::{Facts, Image, LoadOptions, Needs, RawScene, Scene};
@@ -205,9 +205,10 @@ struct Worst {
 
 impl Worst {
     fn note(&mut self, got: [f32; 3], machine: [f32; 3], exact: &oracle::Exact) {
-        // Weights of both signs cancel, which magnifies the error of the sums.
+        // Weights of both signs cancel, which magnifies the error of the sums; and
+        // sums below SMALLEST_SUM may lack what a factor flushed to zero.
         let condition = exact.magnitude / exact.total.abs();
-        if condition > 500.0 || exact.magnitude < 1e-25 {
+        if condition > 500.0 || exact.magnitude < f64::from(SMALLEST_SUM) {
             self.left_out += 1;
             return;
         }
