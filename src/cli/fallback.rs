@@ -161,7 +161,7 @@ mod tests {
         let whole = [Rect::whole(&scene)];
         let expected =
             Interpreter.compile(&plan).and_then(|code| code.run(&scene, &whole)).expect("runs");
-        for runs in 0..4 {
+        for runs in 0..=4 {
             let first = Box::new(Mortal { left: Arc::new(AtomicUsize::new(runs)) });
             let backend = Fallback::new(first, Box::new(Interpreter), Log::new(true));
             for _ in 0..2 {
