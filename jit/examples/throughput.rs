@@ -5,9 +5,7 @@
 
 use std::time::{Duration, Instant};
 
-use tamis_jit::{
-    Body, Border, Chains, Compiler, Job, Lanes, Layout, Rect, Side, Window, WindowSpec,
-};
+use tamis_jit::{Body, Border, Chains, Compiler, Job, Lanes, Layout, Rect, Run, Side, WindowSpec};
 
 const SIZE: usize = 64;
 const RADIUS: usize = 8;
@@ -119,12 +117,18 @@ fn measure<B: Body>(
         })
         .collect();
     let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
-    let window = Window::square(RADIUS);
-    let taps = vec![-0.5; window.taps()];
-    let spec =
-        WindowSpec { planes: planes.len(), taps: 1, channels: CHANNELS, weights, absolute: false };
-    let job = Job { layout, planes: &planes, window, taps: &taps, rect: Rect::all(&layout) };
-    let pairs = (SIZE * SIZE * window.taps() * weights) as f64;
+    let runs = Run::square(RADIUS);
+    let taps = vec![-0.5; runs.len() * runs.len()];
+    let spec = WindowSpec {
+        planes: planes.len(),
+        taps: 1,
+        channels: CHANNELS,
+        weights,
+        absolute: false,
+        mirrored: false,
+    };
+    let job = Job { layout, planes: &planes, runs: &runs, taps: &taps, rect: Rect::all(&layout) };
+    let pairs = (SIZE * SIZE * taps.len() * weights) as f64;
 
     let compiler = Compiler::host()?;
     for chains in Chains::ALL {
@@ -139,7 +143,7 @@ fn measure<B: Body>(
         let run = (0..ROUNDS)
             .map(|_| {
                 let start = Instant::now();
-                kernel.run(&job, &mut out).map(|_| start.elapsed())
+                kernel.run(&job, &mut out, &mut []).map(|_| start.elapsed())
             })
             .collect::<Result<Vec<_>, _>>()?;
         println!(

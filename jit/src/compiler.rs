@@ -201,7 +201,7 @@ mod tests {
     }
 
     const SPEC: WindowSpec =
-        WindowSpec { planes: 1, taps: 1, channels: 1, weights: 1, absolute: true };
+        WindowSpec { planes: 1, taps: 1, channels: 1, weights: 1, absolute: true, mirrored: false };
 
     fn target(name: &str, flags: &[&str]) -> Result<Compiler, CompileError> {
         let mut builder = isa::lookup_by_name(name).expect("the tests build this target");

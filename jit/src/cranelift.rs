@@ -73,12 +73,9 @@ impl<'f, const N: usize> Assembler<'f, N> {
         let call = builder.block_params(entry)[0];
         let mut field = |offset| load_field(&mut builder, call, offset);
         let planes = field(offset_of!(Call, planes));
-        let at = Cursors {
-            pixel: field(offset_of!(Call, pixel)),
-            neighbour: field(offset_of!(Call, neighbour)),
-            tap: field(offset_of!(Call, taps)),
-            out: field(offset_of!(Call, out)),
-        };
+        let (pixel, out) = (field(offset_of!(Call, pixel)), field(offset_of!(Call, out)));
+        // The loops over runs and taps set the others before anything reads them.
+        let at = Cursors { pixel, neighbour: pixel, mirror: pixel, tap: out, out, run: out };
         let partials = Partials::new(&mut builder, spec.results());
         Self { builder, spec, call, planes, at, partials, fault: None }
     }

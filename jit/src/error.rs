@@ -110,23 +110,19 @@ pub enum ShapeError {
         height: usize,
     },
 
-    /// The window reaches further to the sides than the planes are padded.
-    #[error("the window reaches {reach} columns, the planes are padded by {pad}")]
+    /// A run of taps reaches further to the sides than the planes are padded.
+    #[error("run {index} of the window reaches beyond the planes' padding of {pad} columns")]
     Reach {
-        /// Radius times dilation, saturating.
-        reach: usize,
+        /// Which run.
+        index: usize,
         /// The layout's padding.
         pad: usize,
     },
 
-    /// A dilation of 0, which would visit the same pixel again and again.
-    #[error("the window's dilation is 0")]
-    Dilation,
-
     /// The table of tap values does not match the window.
     #[error("{found} tap values; the window needs {expected}")]
     TapCount {
-        /// Taps of the window times values per tap, saturating.
+        /// Taps of all runs times values per tap, saturating.
         expected: usize,
         /// Values given.
         found: usize,
@@ -143,6 +139,24 @@ pub enum ShapeError {
         width: usize,
         /// The image's height.
         height: usize,
+    },
+
+    /// The buffer of mirrored sums has another length than the kernel needs.
+    #[error("{found} mirrored sums instead of {expected}")]
+    Mirror {
+        /// See [`MirrorShape::len`](crate::MirrorShape::len); 0 for a kernel that
+        /// is not mirrored.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
+
+    /// A mirrored kernel computes one row at a time: the mirrored sums of
+    /// different rows belong to different rows.
+    #[error("a mirrored kernel computes one row at a time, not {found}")]
+    MirroredRows {
+        /// Rows of the rectangle.
+        found: usize,
     },
 
     /// The output buffer has another length than the rectangle's results.

@@ -14,9 +14,9 @@ use cranelift_codegen::isa::OwnedTargetIsa;
 use cranelift_jit::{JITBuilder, JITModule};
 use cranelift_module::{Module, ModuleError, default_libcall_names};
 
-use crate::call::Call;
+use crate::call::{Call, RunCall};
 use crate::error::{CompileError, ShapeError};
-use crate::shape::{Job, OutputShape, Rect};
+use crate::shape::{Job, MirrorShape, OutputShape, Rect};
 use crate::window::WindowSpec;
 
 /// The convention is [`Call`]'s: one row of output pixels per call.
@@ -82,50 +82,76 @@ impl Kernel {
         OutputShape::new(rect, &self.spec, self.step)
     }
 
-    /// Computes all results of `job`'s rectangle into `out`, and says how they
-    /// lie there.
+    /// The shape of the mirrored sums for `job`; of length 0 if the kernel is not
+    /// mirrored.
+    pub fn mirror_shape(&self, job: &Job<'_>) -> MirrorShape {
+        job.mirror_shape(&self.spec)
+    }
+
+    /// Adds all results of `job`'s rectangle to `out`, and the mirrored sums, where
+    /// the kernel makes any, to `mirror`. Says how the results lie in `out`.
     ///
     /// # Errors
     ///
     /// A [`ShapeError`] where the data do not fit the kernel or one another;
     /// then nothing was read or written.
-    pub fn run(&self, job: &Job<'_>, out: &mut [f32]) -> Result<OutputShape, ShapeError> {
+    pub fn run(
+        &self,
+        job: &Job<'_>,
+        out: &mut [f32],
+        mirror: &mut [f32],
+    ) -> Result<OutputShape, ShapeError> {
         const FLOAT: usize = size_of::<f32>();
-        let shape = job.check(&self.spec, self.step, out.len())?;
+        let (shape, mirrored) = job.check(&self.spec, self.step, out.len(), mirror.len())?;
         if shape.columns == 0 {
             return Ok(shape);
         }
         let planes: Vec<*const f32> = job.planes.iter().map(|plane| plane.as_ptr()).collect();
-        let [radius, _] = job.window.radius;
-        let [across, down] = job.window.dilation;
-        // A step of the image's height leaves it from any row, like any larger one.
-        let down = down.min(job.layout.height);
-        let tap_row = (2 * radius + 1) * self.spec.taps;
+        let mut runs: Vec<RunCall> = Vec::with_capacity(job.runs.len());
         for (row, y) in job.rect.y.clone().enumerate() {
-            let (above, below) = job.rows_inside(y);
-            let top = job.layout.index(job.rect.x.start, y - above * down);
-            // Rows of taps that fall off the top are skipped in the table too.
-            let skipped = match self.spec.taps {
-                0 => 0,
-                _ => (job.window.radius[1] - above) * tap_row,
-            };
+            let pixel = job.layout.index(job.rect.x.start, y) * FLOAT;
+            runs.clear();
+            let mut taps = job.taps;
+            for (index, run) in job.runs.iter().enumerate() {
+                let values;
+                (values, taps) = taps.split_at(run.count * self.spec.taps);
+                let inside = y.checked_add_signed(run.dy).is_some_and(|y| y < job.layout.height);
+                if run.count == 0 || !inside {
+                    continue;
+                }
+                let neighbour = run.dy * job.layout.stride as isize + run.dx;
+                let bytes = |samples: isize| samples.wrapping_mul(FLOAT as isize) as usize;
+                // The sums are padded like the planes: pixel x has number pad + x.
+                let first = (job.layout.pad + job.rect.x.start).wrapping_add_signed(run.dx);
+                let sums = match self.spec.mirrored {
+                    true => mirror[mirrored.row(index, 0)].as_mut_ptr() as usize,
+                    false => 0,
+                };
+                runs.push(RunCall {
+                    neighbour: bytes(neighbour),
+                    mirror: sums.wrapping_add(first * FLOAT).wrapping_sub(pixel),
+                    step: bytes(run.step),
+                    taps: values.as_ptr(),
+                    count: run.count,
+                });
+            }
+            if runs.is_empty() {
+                continue;
+            }
             let call = Call {
                 planes: planes.as_ptr(),
-                taps: job.taps[skipped..].as_ptr(),
                 out: out[shape.row(row, 0).start..].as_mut_ptr(),
                 out_stride: shape.stride * FLOAT,
-                pixel: job.layout.index(job.rect.x.start, y) * FLOAT,
-                neighbour: (top - radius * across) * FLOAT,
+                mirror_stride: mirrored.stride * FLOAT,
+                pixel,
                 chunks: shape.stride / self.step,
-                rows: above + 1 + below,
-                row_step: down * job.layout.stride * FLOAT,
-                columns: 2 * radius + 1,
-                column_step: across * FLOAT,
+                runs: runs.as_ptr(),
+                run_count: runs.len(),
             };
             // SAFETY: `Job::check` held for this spec and step, so every address
             // that the code reaches from `call` lies inside `job.planes`,
-            // `job.taps` or `out`; all are borrowed, and `out` exclusively. The
-            // code is alive because `self` owns its memory.
+            // `job.taps`, `out` or `mirror`; all are borrowed, and what is written
+            // exclusively. The code is alive because `self` owns its memory.
             unsafe { (self.entry)(&raw const call) };
         }
         Ok(shape)

@@ -6,7 +6,7 @@
 //! operator and no filter, only instructions and loops.
 //!
 //! ```
-//! use tamis_jit::{Body, Border, Chains, Compiler, Job, Lanes, Layout, Rect, Window, WindowSpec};
+//! use tamis_jit::{Body, Border, Chains, Compiler, Job, Lanes, Layout, Rect, Run, WindowSpec};
 //!
 //! /// A Gaussian blur's weight: the same for every pixel, so a value per tap.
 //! struct Gaussian;
@@ -18,19 +18,27 @@
 //! }
 //!
 //! // Two planes, both summed: the picture, and the constant 1.
-//! let spec = WindowSpec { planes: 2, taps: 1, channels: 2, weights: 1, absolute: false };
+//! let spec = WindowSpec {
+//!     planes: 2,
+//!     taps: 1,
+//!     channels: 2,
+//!     weights: 1,
+//!     absolute: false,
+//!     mirrored: false,
+//! };
 //! let kernel = Compiler::host()?.compile(spec, Chains::Four, &Gaussian)?;
 //!
 //! let layout = Layout::new(100, 50, 3);
 //! let picture = layout.plane(Border::Zero, |_, _| 0.25);
 //! let one = layout.plane(Border::Zero, |_, _| 1.0);
-//! let window = Window::square(3);
+//! let runs = Run::square(3);
 //! let squares = |y: i32| (-3..=3).map(move |x| (x * x + y * y) as f32);
 //! let taps: Vec<f32> = (-3..=3).flat_map(squares).map(|d| (-d / 4.0).exp()).collect();
 //!
-//! let job = Job { layout, planes: &[&picture, &one], window, taps: &taps, rect: Rect::all(&layout) };
+//! let rect = Rect::all(&layout);
+//! let job = Job { layout, planes: &[&picture, &one], runs: &runs, taps: &taps, rect };
 //! let mut out = vec![0.0; kernel.output_shape(&job.rect).len()];
-//! let shape = kernel.run(&job, &mut out)?;
+//! let shape = kernel.run(&job, &mut out, &mut [])?;
 //!
 //! // Blurring a constant picture leaves it as it was, at the border too.
 //! for row in 0..50 {
@@ -49,7 +57,8 @@
 //!   [`Scalar`] is that meaning as a program.
 //! - [`WindowSpec`]: what a kernel sums, and in which order: the bits of a result
 //!   depend on neither the number of chains nor the rectangle.
-//! - [`Layout`], [`Window`], [`Job`]: the data of a run.
+//! - [`Layout`], [`Run`], [`Job`]: the data; mirrored kernels, which use every
+//!   weight at both ends of its pair, are explained at [`WindowSpec::mirrored`].
 //! - [`Kernel`]: running it. Safe with any data: all that machine code relies on
 //!   is checked before it starts.
 //! - [`CompileError`], [`ShapeError`]: what can go wrong.
@@ -69,5 +78,5 @@ pub use error::{CompileError, ShapeError};
 pub use kernel::Kernel;
 pub use lanes::{Body, Lanes, Side};
 pub use scalar::Scalar;
-pub use shape::{Border, Job, Layout, OutputShape, Rect, Window};
+pub use shape::{Border, Job, Layout, MirrorShape, OutputShape, Rect, Run};
 pub use window::WindowSpec;

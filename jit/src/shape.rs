@@ -69,39 +69,34 @@ impl Layout {
     }
 }
 
-/// The taps of a window: the pixels at `dilation × d` from the centre, for every
-/// d in `-radius..=radius`, along both axes.
+/// Taps of a window side by side in one row: `count` of them, the first at
+/// (dx, dy) from the centre, each `step` columns from the one before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Window {
-    /// Taps to each side: x, then y.
-    pub radius: [usize; 2],
-    /// Pixels from one tap to the next: x, then y.
-    pub dilation: [usize; 2],
+pub struct Run {
+    /// Columns from the centre to the first tap, to the right.
+    pub dx: isize,
+    /// Rows from the centre to all of them, downwards.
+    pub dy: isize,
+    /// How many taps there are.
+    pub count: usize,
+    /// Columns from one tap to the next; negative from right to left.
+    pub step: isize,
 }
 
-impl Window {
-    /// The full square of pixels within `radius`.
-    pub fn square(radius: usize) -> Self {
-        Self { radius: [radius; 2], dilation: [1; 2] }
+impl Run {
+    /// The full square of pixels within `radius`, from the top, left to right.
+    pub fn square(radius: usize) -> Vec<Self> {
+        let reach = radius as isize;
+        let row = |dy| Self { dx: -reach, dy, count: 2 * radius + 1, step: 1 };
+        (-reach..=reach).map(row).collect()
     }
 
-    /// The number of taps, saturating.
-    ///
-    /// The table of tap values holds them row by row from the top, left to
-    /// right within a row: value k of the tap in row v and column u is number
-    /// `(v × (2 × radius[0] + 1) + u) × taps + k`.
-    pub fn taps(&self) -> usize {
-        let [columns, rows] = self.radius.map(Self::across);
-        columns.saturating_mul(rows)
-    }
-
-    /// How far the window reaches to the sides, in pixels, saturating.
-    pub fn reach(&self) -> usize {
-        self.radius[0].saturating_mul(self.dilation[0])
-    }
-
-    fn across(radius: usize) -> usize {
-        radius.saturating_mul(2).saturating_add(1)
+    /// How far the taps reach to either side, in columns; wide enough for every
+    /// field that there can be.
+    fn reach(&self) -> i128 {
+        let last = self.count.saturating_sub(1) as i128;
+        let [first, step] = [self.dx, self.step].map(|x| x as i128);
+        first.abs().max((first + last * step).abs())
     }
 }
 
@@ -151,6 +146,38 @@ impl OutputShape {
     }
 }
 
+/// How mirrored sums lie in their buffer: run after run, and of each all first
+/// sums, then all second ones, and so on, each of them a row as long as those of
+/// the planes and padded like them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct MirrorShape {
+    /// Runs of the window.
+    pub runs: usize,
+    /// Sums per pixel, see [`WindowSpec::result`].
+    pub results: usize,
+    /// Values from one sum to the next.
+    pub stride: usize,
+}
+
+impl MirrorShape {
+    /// The length of the buffer, saturating.
+    #[expect(clippy::len_without_is_empty, reason = "a shape, not a collection")]
+    pub fn len(&self) -> usize {
+        self.runs.saturating_mul(self.run())
+    }
+
+    /// The values of one run, saturating.
+    pub fn run(&self) -> usize {
+        self.results.saturating_mul(self.stride)
+    }
+
+    /// Where one sum of a run lies: a padded row.
+    pub fn row(&self, run: usize, result: usize) -> Range<usize> {
+        let start = run * self.run() + result * self.stride;
+        start..start + self.stride
+    }
+}
+
 /// The data of one run of a kernel.
 #[derive(Clone, Debug)]
 pub struct Job<'a> {
@@ -158,9 +185,9 @@ pub struct Job<'a> {
     pub layout: Layout,
     /// The planes: channels first, padded with zeros, then features.
     pub planes: &'a [&'a [f32]],
-    /// The window.
-    pub window: Window,
-    /// The table of tap values, see [`Window::taps`].
+    /// The window, in the order of summation.
+    pub runs: &'a [Run],
+    /// The values of every tap, in the order of the runs.
     pub taps: &'a [f32],
     /// The pixels to compute.
     pub rect: Rect,
@@ -169,13 +196,14 @@ pub struct Job<'a> {
 impl Job<'_> {
     /// Checks all that machine code relies on: every address that a kernel of
     /// `spec` with steps of `step` pixels reaches from here lies inside `planes`,
-    /// `taps`, or an output of `output` values.
+    /// `taps`, an output of `output` values, or `mirrored` mirrored sums.
     pub(crate) fn check(
         &self,
         spec: &WindowSpec,
         step: usize,
         output: usize,
-    ) -> Result<OutputShape, ShapeError> {
+        mirrored: usize,
+    ) -> Result<(OutputShape, MirrorShape), ShapeError> {
         self.check_rows(step)?;
         self.check_planes(spec)?;
         self.check_window(spec)?;
@@ -183,7 +211,20 @@ impl Job<'_> {
         if output != shape.len() {
             return Err(ShapeError::Output { expected: shape.len(), found: output });
         }
-        Ok(shape)
+        let mirror = self.mirror_shape(spec);
+        if mirrored != mirror.len() {
+            return Err(ShapeError::Mirror { expected: mirror.len(), found: mirrored });
+        }
+        if spec.mirrored && shape.rows > 1 {
+            return Err(ShapeError::MirroredRows { found: shape.rows });
+        }
+        Ok((shape, mirror))
+    }
+
+    /// The shape of the mirrored sums for a kernel of `spec`; empty if it has none.
+    pub(crate) fn mirror_shape(&self, spec: &WindowSpec) -> MirrorShape {
+        let runs = if spec.mirrored { self.runs.len() } else { 0 };
+        MirrorShape { runs, results: spec.results(), stride: self.layout.stride }
     }
 
     /// Every row has room for its padding and a step that starts at its last pixel.
@@ -212,14 +253,12 @@ impl Job<'_> {
     }
 
     fn check_window(&self, spec: &WindowSpec) -> Result<(), ShapeError> {
-        if self.window.dilation.contains(&0) {
-            return Err(ShapeError::Dilation);
+        let pad = self.layout.pad;
+        if let Some(index) = self.runs.iter().position(|run| run.reach() > pad as i128) {
+            return Err(ShapeError::Reach { index, pad });
         }
-        let (reach, pad) = (self.window.reach(), self.layout.pad);
-        if reach > pad {
-            return Err(ShapeError::Reach { reach, pad });
-        }
-        let expected = self.window.taps().saturating_mul(spec.taps);
+        let taps = self.runs.iter().fold(0, |taps: usize, run| taps.saturating_add(run.count));
+        let expected = taps.saturating_mul(spec.taps);
         if self.taps.len() != expected {
             return Err(ShapeError::TapCount { expected, found: self.taps.len() });
         }
@@ -232,14 +271,6 @@ impl Job<'_> {
             return Err(ShapeError::Rect { x: x.clone(), y: y.clone(), width, height });
         }
         Ok(OutputShape::new(&self.rect, spec, step))
-    }
-
-    /// The rows of taps that lie inside the image for output row `y`: how many
-    /// lie above the centre, and how many below.
-    pub(crate) fn rows_inside(&self, y: usize) -> (usize, usize) {
-        let (radius, dilation) = (self.window.radius[1], self.window.dilation[1]);
-        let below = self.layout.height - 1 - y;
-        (radius.min(y / dilation), radius.min(below / dilation))
     }
 }
 

@@ -1,23 +1,29 @@
 //! What a kernel computes: a windowed weighted sum, and its loop nest.
 //!
-//! For output pixel i, every weight k and every channel c:
+//! The window is a list of [`Run`](crate::Run)s, taps side by side in one row. For
+//! output pixel i, every weight k and every channel c, a kernel adds to the sums
+//! that it is given:
 //!
 //! ```text
-//! S[k][c] = +0.0
-//! for dy in rows of the window that lie inside the image, ascending
+//! for run in runs that lie inside the image, in their order
 //!     p[k][c] = +0.0
-//!     for dx in columns of the window, ascending        j = i + (dx, dy)
+//!     for tap in the run, in its order                  j = i + (dx, dy)
 //!         p[k][c] = fma(w_k(i, j), channel_c[j], p[k][c])
 //!     S[k][c] = S[k][c] + p[k][c]
 //! ```
 //!
 //! The order is part of the promise: a pixel's sums have the same bits whatever
-//! rectangle, chunk or number of chains it is computed in. Summing row by row
-//! also keeps the rounding error near that of one row.
+//! rectangle, chunk or number of chains it is computed in. Summing run by run
+//! also keeps the rounding error near that of one run.
 //!
-//! Rows outside the image are left out; columns outside it are cut off by data:
+//! Runs outside the image are left out; columns outside it are cut off by data:
 //! channels are padded with zeros there, so that the terms vanish without masks.
 //! One channel is usually the constant 1, whose sum is the sum of the weights.
+//!
+//! Who needs w(i, j) for all i and j needs w(j, i) too, and the two share most of
+//! their work, if they are not the same number. A *mirrored* kernel's body returns
+//! both, and it is given one half of the window only
+//! ([`WindowSpec::mirrored`]).
 
 use crate::error::CompileError;
 use crate::lanes::{Body, Lanes, Side};
@@ -38,6 +44,22 @@ pub struct WindowSpec {
     /// Whether to sum |w_k| × the last channel as well. With the constant 1 as
     /// last channel this is the sum of |w_k|, which tells how much cancelled.
     pub absolute: bool,
+    /// Whether every tap counts for both of its ends. The body then returns
+    /// w_k(i, j) for every k and after them w_k(j, i) for every k, and every tap
+    /// also adds
+    ///
+    /// ```text
+    /// M[run][k][c][j] = fma(w_k(j, i), channel_c[i], M[run][k][c][j])
+    /// ```
+    ///
+    /// to the mirrored sums of its run, which are a row of them for the row that
+    /// the run's taps lie in ([`MirrorShape`](crate::MirrorShape)). If its taps go
+    /// from right to left, pixel j gets its terms in the order of i's column,
+    /// whatever the chunks are: of two sources in different chunks the left one
+    /// comes first because its chunk does, of two in one chunk because its tap
+    /// does. With pixels beyond the image zero in all channels, a whole row of
+    /// pixels i leaves in M just what their weights owe to row j.
+    pub mirrored: bool,
 }
 
 impl WindowSpec {
@@ -54,6 +76,11 @@ impl WindowSpec {
     /// The sum of |w| counts as the channel after the last.
     pub fn result(&self, weight: usize, channel: usize) -> usize {
         weight * (self.channels + usize::from(self.absolute)) + channel
+    }
+
+    /// How many values the body returns.
+    pub(crate) fn returned(&self) -> usize {
+        self.weights * (1 + usize::from(self.mirrored))
     }
 
     /// Refuses a kernel without results or beyond [`LIMIT`](Self::LIMIT).
@@ -84,45 +111,50 @@ pub(crate) trait Nest: Lanes {
     /// Loops over the chunks of the row of output pixels.
     fn for_chunks(&mut self, body: impl FnOnce(&mut Self));
 
-    /// Loops over the rows of taps.
-    fn for_rows(&mut self, body: impl FnOnce(&mut Self));
+    /// Loops over the runs of taps.
+    fn for_runs(&mut self, body: impl FnOnce(&mut Self));
 
-    /// Loops over the taps of a row, with the row's partials starting at +0.0.
-    fn for_columns(&mut self, body: impl FnOnce(&mut Self));
+    /// Loops over the taps of a run, with the run's partials starting at +0.0.
+    fn for_taps(&mut self, body: impl FnOnce(&mut Self));
 
     /// Adds `channel` × `weight` to partial number `index`, rounding once.
     fn accumulate(&mut self, index: usize, channel: Self::F, weight: Self::F);
 
-    /// The partial number `index`, after the loop over the taps of a row.
+    /// Adds `channel` × `weight` to the neighbour's mirrored sum number `index`,
+    /// rounding once.
+    fn accumulate_mirrored(&mut self, index: usize, channel: Self::F, weight: Self::F);
+
+    /// The partial number `index`, after the loop over the taps of a run.
     fn partial(&mut self, index: usize) -> Self::F;
 
-    /// Sets result number `index` of the chunk at hand.
-    fn store_result(&mut self, index: usize, value: Self::F);
-
-    /// Adds to it.
+    /// Adds to result number `index` of the chunk at hand.
     fn add_to_result(&mut self, index: usize, value: Self::F);
 }
 
 /// Emits the whole nest around `body`.
 ///
-/// Sums live in the output: they are touched once per row of taps. Where the
+/// Sums live in the output: they are touched once per run of taps. Where the
 /// partials live is the code generator's choice.
 pub(crate) fn emit<N: Nest, B: Body>(
     nest: &mut N,
     spec: &WindowSpec,
     body: &B,
 ) -> Result<(), CompileError> {
-    let mut found = spec.weights;
+    let expected = spec.returned();
+    let mut found = expected;
     nest.for_chunks(|nest| {
-        let zero = nest.constant(0.0);
-        for index in 0..spec.results() {
-            nest.store_result(index, zero);
-        }
-        nest.for_rows(|nest| {
-            nest.for_columns(|nest| {
+        nest.for_runs(|nest| {
+            nest.for_taps(|nest| {
                 let weights = body.emit(nest);
                 found = weights.len();
-                add_tap(nest, spec, &weights);
+                // A wrong number of weights is reported below.
+                if found == expected {
+                    let (there, back) = weights.split_at(spec.weights);
+                    add_tap(nest, spec, Side::J, there, N::accumulate);
+                    if spec.mirrored {
+                        add_tap(nest, spec, Side::I, back, N::accumulate_mirrored);
+                    }
+                }
             });
             for index in 0..spec.results() {
                 let partial = nest.partial(index);
@@ -130,27 +162,27 @@ pub(crate) fn emit<N: Nest, B: Body>(
             }
         });
     });
-    if found == spec.weights {
-        Ok(())
-    } else {
-        Err(CompileError::Weights { expected: spec.weights, found })
-    }
+    if found == expected { Ok(()) } else { Err(CompileError::Weights { expected, found }) }
 }
 
 /// Adds one tap to all channels of all weights.
 ///
 /// Each channel is loaded once, right before its use: loaded all together, the
 /// channels would push partials out of the registers.
-fn add_tap<N: Nest>(nest: &mut N, spec: &WindowSpec, weights: &[N::F]) {
-    // One weight too many is the caller's to report.
-    let weights = &weights[..weights.len().min(spec.weights)];
+fn add_tap<N: Nest>(
+    nest: &mut N,
+    spec: &WindowSpec,
+    side: Side,
+    weights: &[N::F],
+    mut accumulate: impl FnMut(&mut N, usize, N::F, N::F),
+) {
     for c in 0..spec.channels {
-        let channel = nest.plane(c, Side::J);
+        let channel = nest.plane(c, side);
         for (k, &weight) in weights.iter().enumerate() {
-            nest.accumulate(spec.result(k, c), channel, weight);
+            accumulate(nest, spec.result(k, c), channel, weight);
             if spec.absolute && c + 1 == spec.channels {
                 let size = nest.abs(weight);
-                nest.accumulate(spec.result(k, spec.channels), channel, size);
+                accumulate(nest, spec.result(k, spec.channels), channel, size);
             }
         }
     }

@@ -23,7 +23,14 @@ fn resident() -> usize {
 /// Compiles and drops `count` kernels; a page lost with each would show.
 fn stays_flat(count: u32) {
     let compiler = Compiler::host().expect("the tests need a host with FMA");
-    let spec = WindowSpec { planes: 1, taps: 0, channels: 1, weights: 1, absolute: false };
+    let spec = WindowSpec {
+        planes: 1,
+        taps: 0,
+        channels: 1,
+        weights: 1,
+        absolute: false,
+        mirrored: false,
+    };
     let mut start = 0;
     for n in 0..count {
         // The allocator settles during the first kernels.

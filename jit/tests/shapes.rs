@@ -1,12 +1,12 @@
 //! Data that do not fit, and bodies that do not keep their word, are refused.
 
 use tamis_jit::{
-    Body, Border, Chains, CompileError, Compiler, Job, Kernel, Lanes, Layout, Rect, ShapeError,
-    Side, Window, WindowSpec,
+    Body, Border, Chains, CompileError, Compiler, Job, Kernel, Lanes, Layout, Rect, Run,
+    ShapeError, Side, WindowSpec,
 };
 
 const SPEC: WindowSpec =
-    WindowSpec { planes: 2, taps: 1, channels: 1, weights: 1, absolute: false };
+    WindowSpec { planes: 2, taps: 1, channels: 1, weights: 1, absolute: false, mirrored: false };
 
 /// Reads `plane` and tap value `tap`, and returns `weights` copies of the sum.
 struct Reads {
@@ -34,16 +34,17 @@ fn run(change: impl FnOnce(&mut Job<'_>, &mut Vec<f32>)) -> Result<Vec<f32>, Sha
     let layout = Layout::new(20, 10, 2);
     let plane = layout.plane(Border::Zero, |_, _| 1.0);
     let taps = vec![0.0; 25];
+    let runs = Run::square(2);
     let mut job = Job {
         layout,
         planes: &[&plane, &plane],
-        window: Window::square(2),
+        runs: &runs,
         taps: &taps,
         rect: Rect { x: 2..18, y: 1..9 },
     };
-    let mut out = vec![-1.0; kernel.output_shape(&job.rect).len()];
+    let mut out = vec![0.0; kernel.output_shape(&job.rect).len()];
     change(&mut job, &mut out);
-    kernel.run(&job, &mut out).map(|_| out)
+    kernel.run(&job, &mut out, &mut []).map(|_| out)
 }
 
 #[test]
@@ -91,26 +92,60 @@ fn wrong_layouts() {
 
 #[test]
 fn wrong_windows() {
-    let wide = run(|job, _| job.window.radius[0] = 3);
-    assert_eq!(wide, Err(ShapeError::Reach { reach: 3, pad: 2 }));
-    let spread = run(|job, _| job.window.dilation[0] = 2);
-    assert_eq!(spread, Err(ShapeError::Reach { reach: 4, pad: 2 }));
-    let huge = run(|job, _| job.window.radius = [usize::MAX; 2]);
-    assert!(matches!(huge, Err(ShapeError::Reach { .. })));
-    let still = run(|job, _| job.window.dilation[1] = 0);
-    assert_eq!(still, Err(ShapeError::Dilation));
-    for rows in [1, usize::MAX] {
-        let other = run(|job, _| job.window.radius[1] = rows);
-        assert!(matches!(other, Err(ShapeError::TapCount { found: 25, .. })));
+    let run = |dx, count, step| Run { dx, dy: 0, count, step };
+    for (wide, pad) in [
+        (run(-3, 1, 1), 2),
+        (run(3, 1, 1), 2),
+        (run(-2, 6, 1), 2),
+        (run(2, 6, -1), 2),
+        (run(isize::MIN, 1, 0), 2),
+        (run(0, usize::MAX, isize::MAX), 2),
+    ] {
+        let found = run_with(&[run(0, 1, 1), wide]);
+        assert_eq!(found, Err(ShapeError::Reach { index: 1, pad }), "{wide:?}");
     }
-    let few = run(|job, _| job.taps = &job.taps[1..]);
+    for count in [1, usize::MAX] {
+        let other = run_with(&[run(0, count, 0)]);
+        assert_eq!(other, Err(ShapeError::TapCount { expected: count, found: 25 }));
+    }
+    let few = self::run(|job, _| job.taps = &job.taps[1..]);
     assert_eq!(few, Err(ShapeError::TapCount { expected: 25, found: 24 }));
 }
 
+/// An honest kernel over a window that may not be.
+fn run_with(runs: &[Run]) -> Result<Vec<f32>, ShapeError> {
+    let runs = runs.to_vec().leak();
+    run(|job, _| job.runs = runs)
+}
+
 #[test]
-fn a_dilation_beyond_the_image_leaves_the_centre_row() {
-    let out = run(|job, _| job.window.dilation[1] = usize::MAX).expect("fits");
-    assert_eq!(out[..16], [5.0; 16]);
+fn runs_beyond_the_image_are_left_out() {
+    let far = [isize::MIN, -1000, 0, 1000, isize::MAX];
+    let runs: Vec<Run> = far.map(|dy| Run { dx: -2, dy, count: 5, step: 1 }).into();
+    assert_eq!(run_with(&runs).expect("fits")[..16], [5.0; 16]);
+}
+
+#[test]
+fn wrong_mirrored_sums() {
+    let spec = WindowSpec { mirrored: true, ..SPEC };
+    let kernel = compile(spec, &Reads { weights: 2, ..HONEST }).expect("compiles");
+    let layout = Layout::new(20, 10, 2);
+    let plane = layout.plane(Border::Zero, |_, _| 1.0);
+    let runs = [Run { dx: 2, dy: 0, count: 2, step: -1 }, Run { dx: 2, dy: 1, count: 5, step: -1 }];
+    let run = |rows: std::ops::Range<usize>, mirrored: usize| {
+        let rect = Rect { x: 0..20, y: rows };
+        let job = Job { layout, planes: &[&plane, &plane], runs: &runs, taps: &[0.0; 7], rect };
+        let mut out = vec![0.0; kernel.output_shape(&job.rect).len()];
+        kernel.run(&job, &mut out, &mut vec![0.0; mirrored]).map(|_| ())
+    };
+    let expected = 2 * layout.stride;
+    assert_eq!(run(3..4, expected), Ok(()));
+    assert_eq!(run(3..5, expected), Err(ShapeError::MirroredRows { found: 2 }));
+    for found in [0, expected - 1, expected + 1] {
+        assert_eq!(run(3..4, found), Err(ShapeError::Mirror { expected, found }));
+    }
+    let one = compile(spec, &HONEST);
+    assert!(matches!(one, Err(CompileError::Weights { expected: 2, found: 1 })));
 }
 
 #[test]

@@ -1,13 +1,16 @@
 //! What the CPU back ends share: inputs gathered, rows handed to threads, sums
 //! turned into colours. They differ only in how the sums of a strip are made.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
 use super::block::{Arg, BLOCK, LANES, Program, Slots};
+use super::converged::Changes;
 use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, inside};
 use crate::expr::PlaneId;
-use crate::expr::tape::{Axis, Input, Side};
-use crate::plan::{Plan, Window};
+use crate::expr::tape::{Axis, Input, Side, Tape};
+use crate::plan::{Plan, Run, Tapes, Window};
 use crate::scene::Scene;
 use crate::scene::plane::{Layout, Plane, Samples};
 
@@ -15,40 +18,61 @@ use crate::scene::plane::{Layout, Plane, Samples};
 /// that two cores are still both busy at the end of a small image.
 const STRIP: usize = 4;
 
+/// Strips per thread of a mirrored plan, whose strips should be tall: each also
+/// computes what the rows above it owe to it.
+const TALL_STRIPS: usize = 2;
+
 /// Channels that weights are multiplied with: R, G, B and the constant one.
 pub(super) const CHANNELS: usize = 4;
+
+/// The tapes that CPU back ends run: the mirrored ones where there are any.
+pub(super) fn tapes(plan: &Plan) -> &Tapes {
+    plan.mirrored().unwrap_or(plan.tapes())
+}
 
 /// The parts of a plan that run once per tap and once per pixel. Both CPU back
 /// ends interpret them: they are a 441st of the work, and compiling them would
 /// cost more than it saves.
 pub(super) struct Rates {
-    window: Window,
+    reach: usize,
+    runs: Vec<Run>,
     tap: Program,
     pixel: Program,
+    weights: usize,
     signed: bool,
+    mirrored: bool,
+    converged: bool,
 }
 
 /// How a strip's sums lie in their buffer: `results` runs of `stride` values
-/// per row, of which the first `width` count.
+/// per row, of which those from `first` on belong to the strip's pixels.
 #[derive(Clone, Copy)]
-pub(super) struct SumShape {
-    pub(super) results: usize,
-    pub(super) stride: usize,
+struct SumShape {
+    results: usize,
+    stride: usize,
+    first: usize,
 }
 
-/// All that the pair tape reads.
+/// A part of a strip whose sums were made.
+#[derive(Clone, Copy)]
+struct Stretch<'a> {
+    rect: Rect,
+    strip: Rect,
+    /// If converged pixels are to be left as they are: where they are.
+    changes: Option<&'a Changes>,
+}
+
+/// All that the pair tape reads of a scene.
 pub(super) struct Frame<'a> {
     pub(super) layout: Layout,
-    pub(super) window: Window,
     /// R, G, B, one: zero outside of the image.
     pub(super) channels: [&'a [f32]; CHANNELS],
     /// Sources of the planes that the pair tape reads, by plane.
-    planes: Vec<(PlaneId, std::borrow::Cow<'a, [f32]>)>,
+    planes: Vec<(PlaneId, Cow<'a, [f32]>)>,
     /// The pixel tape's results, each a padded plane.
     pub(super) per_pixel: Vec<Vec<f32>>,
     /// The tap tape's results: those of the first tap, then of the second, …
-    pub(super) per_tap: Vec<f32>,
-    pub(super) taps: usize,
+    per_tap: Vec<f32>,
 }
 
 impl Frame<'_> {
@@ -59,53 +83,101 @@ impl Frame<'_> {
     }
 }
 
-/// Makes the sums of a strip.
+/// Taps to sum over, with what the tap tape gave for them.
+#[derive(Clone, Copy)]
+pub(super) struct Taps<'a> {
+    pub(super) runs: &'a [Run],
+    /// Values of the first tap, then of the second, …
+    pub(super) values: &'a [f32],
+}
+
+/// What a thread keeps from one strip to the next.
+#[derive(Default)]
+struct Scratch<S> {
+    summer: S,
+    sums: Vec<f32>,
+    /// What the row at hand owes to those below, run by run.
+    owed: Vec<f32>,
+    /// Sums that nobody asked for.
+    waste: Vec<f32>,
+}
+
+/// Makes the sums of some pixels.
 pub(super) trait Summer: Sync {
     /// Memory that a thread keeps from one strip to the next.
     type Scratch: Default + Send;
 
-    /// For every row of the strip, every weight and every channel: Σ w·channel;
-    /// then, if the plan is signed, Σ |w|.
-    fn sums(
+    /// Pixels that it handles at a time: rows of sums are whole multiples of it.
+    fn step(&self) -> usize;
+
+    /// For every row of the rectangle, every weight and every channel, adds
+    /// Σ w·channel over the taps to `sums`; then, if the plan is signed, Σ |w|.
+    ///
+    /// If the plan is mirrored the rectangle is a single row, and for every run,
+    /// weight and channel the terms of w(j, i) with the channel at i are added to
+    /// `owed`, in rows padded like those of the planes.
+    fn add(
         &self,
         frame: &Frame<'_>,
-        strip: Rect,
+        taps: Taps<'_>,
+        rect: Rect,
         scratch: &mut Self::Scratch,
-        out: &mut Vec<f32>,
-    ) -> Result<SumShape, BackendError>;
+        sums: &mut [f32],
+        owed: &mut [f32],
+    ) -> Result<(), BackendError>;
 }
 
 impl Rates {
     pub(super) fn new(plan: &Plan) -> Self {
+        let tapes = tapes(plan);
+        let mirrored = plan.mirrored().is_some();
         Self {
-            window: plan.window(),
-            tap: Program::new(plan.tap()),
-            pixel: Program::new(plan.pixel()),
+            reach: plan.support().reach() as usize,
+            runs: if mirrored { plan.taps().half() } else { plan.taps().runs() }.to_vec(),
+            tap: Program::new(&tapes.tap),
+            pixel: Program::new(&tapes.pixel),
+            weights: plan.weights(),
             signed: plan.signed(),
+            mirrored,
+            converged: plan.skips_converged(),
         }
     }
 
     /// Runs a plan whose pair tape `summer` runs.
-    pub(super) fn run(
+    pub(super) fn run<S: Summer>(
         &self,
         plan: &Plan,
-        summer: &impl Summer,
+        summer: &S,
         scene: &Scene,
         region: &[Rect],
     ) -> Result<Vec<Filtered>, BackendError> {
-        let strips = strips(scene, region)?;
+        inside(scene, region)?;
+        let strips = self.strips(region);
         let frame = self.gather(plan, scene, &strips)?;
-        let weights = plan.pair().results().len();
+        let changes = if self.converged { Changes::of(scene, self.reach) } else { None };
         let parts: Vec<Vec<Filtered>> = strips
             .par_iter()
-            .map_init(Default::default, |(scratch, sums), &strip| {
-                let shape = summer.sums(&frame, strip, scratch, sums)?;
-                Ok((0..weights)
-                    .map(|weight| self.resolve(scene, strip, weight, shape, sums))
-                    .collect())
+            .map_init(Scratch::<S::Scratch>::default, |scratch, &strip| {
+                let noisy = Filtered { pixels: colors(scene, strip), kept: 0 };
+                let mut filtered = vec![noisy; self.weights];
+                let stretches = match &changes {
+                    Some(changes) => changes.stretches(strip),
+                    None => vec![strip],
+                };
+                for stretch in stretches {
+                    let shape = match self.mirrored {
+                        true => self.sum_mirrored(summer, &frame, stretch, scratch)?,
+                        false => self.sum(summer, &frame, stretch, scratch)?,
+                    };
+                    let stretch = Stretch { rect: stretch, strip, changes: changes.as_ref() };
+                    for (weight, filtered) in filtered.iter_mut().enumerate() {
+                        self.resolve(stretch, weight, shape, &scratch.sums, filtered);
+                    }
+                }
+                Ok(filtered)
             })
             .collect::<Result<_, BackendError>>()?;
-        let mut filtered = vec![Filtered::default(); weights];
+        let mut filtered = vec![Filtered::default(); self.weights];
         for part in parts {
             for (whole, part) in filtered.iter_mut().zip(part) {
                 whole.pixels.extend(part.pixels);
@@ -115,6 +187,90 @@ impl Rates {
         Ok(filtered)
     }
 
+    /// Sums per pixel.
+    fn results(&self) -> usize {
+        self.weights * (CHANNELS + usize::from(self.signed))
+    }
+
+    /// The sums of a strip over all taps.
+    fn sum<S: Summer>(
+        &self,
+        summer: &S,
+        frame: &Frame<'_>,
+        strip: Rect,
+        scratch: &mut Scratch<S::Scratch>,
+    ) -> Result<SumShape, BackendError> {
+        let results = self.results();
+        let stride = strip.width.next_multiple_of(summer.step());
+        let Scratch { summer: memory, sums, .. } = scratch;
+        clear(sums, strip.height * results * stride);
+        let taps = Taps { runs: &self.runs, values: &frame.per_tap };
+        summer.add(frame, taps, strip, memory, sums, &mut [])?;
+        Ok(SumShape { results, stride, first: 0 })
+    }
+
+    /// The same, with every pair of pixels computed once.
+    ///
+    /// Row by row from the top, each row is summed over its half of the window,
+    /// and what it owes to the rows below is added there: so a row has got all
+    /// that the rows above it owe when its own turn comes, in the order of
+    /// [`crate::plan::Taps`]. Rows above the strip, and columns beside it, are
+    /// computed for what they owe to it alone.
+    fn sum_mirrored<S: Summer>(
+        &self,
+        summer: &S,
+        frame: &Frame<'_>,
+        strip: Rect,
+        scratch: &mut Scratch<S::Scratch>,
+    ) -> Result<SumShape, BackendError> {
+        let (layout, results) = (frame.layout, self.results());
+        let left = strip.x.saturating_sub(self.reach);
+        let right = (strip.x + strip.width + self.reach).min(layout.width());
+        let stride = (right - left).next_multiple_of(summer.step());
+        let row_of_sums = results * stride;
+        let Scratch { summer: memory, sums, owed, waste } = scratch;
+        clear(sums, strip.height * row_of_sums);
+        clear(owed, self.runs.len() * results * layout.stride());
+        clear(waste, row_of_sums);
+        let values = frame.per_tap.len() / self.taps().max(1);
+        let bottom = strip.y + strip.height;
+        for y in strip.y.saturating_sub(self.reach)..bottom {
+            let reaches = |run: &&Run| y + (run.dy as usize) < strip.y;
+            let skipped = self.runs.iter().take_while(reaches);
+            let (skipped, skipped_taps) =
+                skipped.fold((0, 0), |(n, taps), run| (n + 1, taps + run.count as usize));
+            let taps = Taps {
+                runs: &self.runs[skipped..],
+                values: &frame.per_tap[skipped_taps * values..],
+            };
+            let own = match y.checked_sub(strip.y) {
+                Some(row) => &mut sums[row * row_of_sums..][..row_of_sums],
+                None => waste.as_mut_slice(),
+            };
+            let owed = &mut owed[..taps.runs.len() * results * layout.stride()];
+            let rect = Rect { x: left, y, width: right - left, height: 1 };
+            summer.add(frame, taps, rect, memory, own, owed)?;
+            for (run, owed) in
+                taps.runs.iter().zip(owed.chunks_exact_mut(results * layout.stride()))
+            {
+                let target = y + run.dy as usize;
+                // What a pixel owes to itself it has got.
+                if target < bottom && !run.is_center() {
+                    let sums = &mut sums[(target - strip.y) * row_of_sums..][..row_of_sums];
+                    let rows = owed.chunks_exact(layout.stride());
+                    for (sums, owed) in sums.chunks_exact_mut(stride).zip(rows) {
+                        let owed = &owed[layout.pad() + left..layout.pad() + right];
+                        for (sum, owed) in sums.iter_mut().zip(owed) {
+                            *sum += owed;
+                        }
+                    }
+                }
+                owed.fill(0.0);
+            }
+        }
+        Ok(SumShape { results, stride, first: strip.x - left })
+    }
+
     fn gather<'a>(
         &self,
         plan: &Plan,
@@ -122,92 +278,92 @@ impl Rates {
         strips: &[Rect],
     ) -> Result<Frame<'a>, BackendError> {
         let layout = scene.layout();
-        let reach = self.window.reach() as usize;
-        if reach > layout.pad() {
-            return Err(BackendError::Padding { reach, pad: layout.pad() });
+        if self.reach > layout.pad() {
+            return Err(BackendError::Padding { reach: self.reach, pad: layout.pad() });
         }
         let mut planes = Vec::new();
         for id in plan.planes() {
             let samples = match scene.plane(id) {
                 None => return Err(BackendError::NotLoaded(id)),
-                Some(Plane::Samples(samples)) => std::borrow::Cow::Borrowed(samples.as_slice()),
+                Some(Plane::Samples(samples)) => Cow::Borrowed(samples.as_slice()),
                 // A plan for several scenes reads planes that are constant in
                 // this one.
-                Some(Plane::Constant(x)) => std::borrow::Cow::Owned(vec![*x; layout.samples()]),
+                Some(Plane::Constant(x)) => Cow::Owned(vec![*x; layout.samples()]),
             };
             planes.push((id, samples));
         }
+        let offsets: Vec<[i32; 2]> = self.runs.iter().flat_map(|run| run.offsets()).collect();
         let mut frame = Frame {
             layout,
-            window: self.window,
             channels: channels(scene),
             planes,
             per_pixel: Vec::new(),
-            per_tap: self.per_tap(),
-            taps: self.tap.results(),
+            per_tap: per_tap(&self.tap, &offsets),
         };
         frame.per_pixel = self.per_pixel(&frame, strips);
         Ok(frame)
     }
 
-    /// Evaluates the tap tape on every offset of the window: the results of the
-    /// first tap, then of the second, …
-    pub(super) fn per_tap(&self) -> Vec<f32> {
-        let (taps, values) = (self.window.taps(), self.tap.results());
-        if values == 0 {
-            return Vec::new();
-        }
-        let chunks = taps.div_ceil(LANES);
-        let offset =
-            |index: usize| index as f32 * self.window.dilation as f32 - self.window.reach() as f32;
-        let coordinates = |along: fn(usize, usize) -> usize| -> Vec<f32> {
-            let diameter = self.window.diameter();
-            (0..chunks * LANES).map(|k| offset(along(k.min(taps - 1), diameter))).collect()
-        };
-        let x = coordinates(|k, diameter| k % diameter);
-        let y = coordinates(|k, diameter| k / diameter);
-        let inputs: Vec<Arg<'_>> = self
-            .tap
-            .inputs()
-            .iter()
-            .map(|input| match input {
-                Input::Offset(Axis::X) => Arg::Block(x.as_chunks().0),
-                Input::Offset(Axis::Y) => Arg::Block(y.as_chunks().0),
-                Input::Plane(..) | Input::PerPixel(_) | Input::PerTap(_) => {
-                    unreachable!("the tap tape reads offsets only")
-                }
-            })
-            .collect();
-        let mut slots = Slots::default();
-        run(&self.tap, &inputs, &mut slots, chunks);
-        let mut table = vec![0.0; taps * values];
-        for value in 0..values {
-            copy(self.tap.result(value, &inputs, &slots), taps, |k, x| {
-                table[k * values + value] = x;
-            });
-        }
-        table
+    /// How many taps there are.
+    fn taps(&self) -> usize {
+        self.runs.iter().map(|run| run.count as usize).sum()
     }
 
-    /// Evaluates the pixel tape on the strips' pixels.
+    /// Cuts rectangles into strips of rows, which are handed to threads.
+    fn strips(&self, region: &[Rect]) -> Vec<Rect> {
+        let mut strips = Vec::new();
+        for &rect in region.iter().filter(|rect| rect.width > 0) {
+            let height = match self.mirrored {
+                true => {
+                    let parts = TALL_STRIPS * rayon::current_num_threads();
+                    rect.height.div_ceil(parts).max(2 * self.reach).max(STRIP)
+                }
+                false => STRIP,
+            };
+            strips.extend((0..rect.height).step_by(height).map(|y| Rect {
+                y: rect.y + y,
+                height: height.min(rect.height - y),
+                ..rect
+            }));
+        }
+        strips
+    }
+
+    /// Evaluates the pixel tape where the pair tape will read it: at the strips'
+    /// pixels; for a mirrored plan on whole padded rows, those that reach the
+    /// strips among them, because it reads it at pixel j too.
     fn per_pixel(&self, frame: &Frame<'_>, strips: &[Rect]) -> Vec<Vec<f32>> {
         let (layout, values) = (frame.layout, self.pixel.results());
         let mut planes = vec![vec![0.0; layout.samples()]; values];
         if values == 0 {
             return planes;
         }
-        let blocks: Vec<(usize, usize, Vec<f32>)> = strips
-            .par_iter()
-            .flat_map_iter(|strip| {
-                (strip.y..strip.y + strip.height).flat_map(move |y| {
-                    (strip.x..strip.x + strip.width)
-                        .step_by(BLOCK * LANES)
-                        .map(move |x| (x, y, (strip.x + strip.width - x).min(BLOCK * LANES)))
+        let rows: Vec<(usize, usize)> = match self.mirrored {
+            true => {
+                let mut read = vec![false; layout.height()];
+                for strip in strips {
+                    let bottom = (strip.y + strip.height + self.reach).min(layout.height());
+                    read[strip.y.saturating_sub(self.reach)..bottom].fill(true);
+                }
+                let rows = read.iter().enumerate().filter(|&(_, &read)| read);
+                rows.map(|(y, _)| (y * layout.stride(), layout.stride())).collect()
+            }
+            false => strips
+                .iter()
+                .flat_map(|strip| {
+                    let rows = strip.y..strip.y + strip.height;
+                    rows.map(|y| (layout.index(strip.x, y), strip.width))
                 })
+                .collect(),
+        };
+        let blocks: Vec<(usize, usize, Vec<f32>)> = rows
+            .par_iter()
+            .flat_map_iter(|&(start, length)| {
+                let cut = (0..length).step_by(BLOCK * LANES);
+                cut.map(move |at| (start + at, (length - at).min(BLOCK * LANES)))
             })
-            .map_init(Slots::default, |slots, (x, y, width)| {
+            .map_init(Slots::default, |slots, (start, width)| {
                 let chunks = width.div_ceil(LANES);
-                let start = layout.index(x, y);
                 let inputs: Vec<Arg<'_>> = self
                     .pixel
                     .inputs()
@@ -218,7 +374,7 @@ impl Rates {
                         }
                         Input::Plane(_, Side::J)
                         | Input::Offset(_)
-                        | Input::PerPixel(_)
+                        | Input::PerPixel(..)
                         | Input::PerTap(_) => {
                             unreachable!("the pixel tape reads planes at i only")
                         }
@@ -242,37 +398,50 @@ impl Rates {
         planes
     }
 
-    /// Turns sums into colours: Equation 1, guarded.
+    /// Turns the sums of a stretch into colours: Equation 1, guarded. `filtered`
+    /// holds the noisy colours of the strip that it is a part of.
     fn resolve(
         &self,
-        scene: &Scene,
-        strip: Rect,
+        Stretch { rect, strip, changes }: Stretch<'_>,
         weight: usize,
         shape: SumShape,
         sums: &[f32],
-    ) -> Filtered {
+        filtered: &mut Filtered,
+    ) {
         let per_weight = CHANNELS + usize::from(self.signed);
-        let mut filtered = Filtered { pixels: Vec::with_capacity(strip.pixels()), kept: 0 };
-        for row in 0..strip.height {
+        for row in 0..rect.height {
             let result = |channel: usize| {
                 let index = row * shape.results + weight * per_weight + channel;
-                &sums[index * shape.stride..][..strip.width]
+                &sums[index * shape.stride + shape.first..][..rect.width]
             };
             let [r, g, b, total] = [0, 1, 2, 3].map(result);
             let magnitude = if self.signed { result(CHANNELS) } else { total };
-            for k in 0..strip.width {
+            let converged = |k: usize| {
+                changes.is_some_and(|changes| changes.is_converged(rect.x + k, rect.y + row))
+            };
+            let pixels = &mut filtered.pixels[row * strip.width + rect.x - strip.x..];
+            for (k, pixel) in pixels[..rect.width].iter_mut().enumerate() {
+                // Which pixels were computed beside others is nobody's business.
+                if converged(k) {
+                    continue;
+                }
                 let trusted = total[k].abs() >= TRUSTED_SUM.max(TRUSTED_SHARE * magnitude[k]);
                 let mean = [r[k] / total[k], g[k] / total[k], b[k] / total[k]];
                 if trusted && mean.iter().all(|x| x.is_finite()) {
-                    filtered.pixels.push(mean);
+                    *pixel = mean;
                 } else {
                     filtered.kept += 1;
-                    filtered.pixels.push(color_at(scene, strip.x + k, strip.y + row));
                 }
             }
         }
-        filtered
     }
+}
+
+/// The noisy colours of a rectangle, row by row.
+fn colors(scene: &Scene, rect: Rect) -> Vec<[f32; 3]> {
+    let rows = rect.y..rect.y + rect.height;
+    let pixels = rows.flat_map(|y| (rect.x..rect.x + rect.width).map(move |x| (x, y)));
+    pixels.map(|(x, y)| color_at(scene, x, y)).collect()
 }
 
 fn channels(scene: &Scene) -> [&[f32]; CHANNELS] {
@@ -280,20 +449,56 @@ fn channels(scene: &Scene) -> [&[f32]; CHANNELS] {
     [r, g, b, scene.ones()].map(Samples::as_slice)
 }
 
-/// Cuts rectangles into strips of a few rows.
-fn strips(scene: &Scene, region: &[Rect]) -> Result<Vec<Rect>, BackendError> {
-    inside(scene, region)?;
-    let mut strips = Vec::new();
-    for &rect in region {
-        if rect.width > 0 {
-            strips.extend((0..rect.height).step_by(STRIP).map(|y| Rect {
-                y: rect.y + y,
-                height: STRIP.min(rect.height - y),
-                ..rect
-            }));
-        }
+/// Makes a buffer as long as given, and zero.
+fn clear(buffer: &mut Vec<f32>, length: usize) {
+    buffer.clear();
+    buffer.resize(length, 0.0);
+}
+
+/// The tap tape's results for every offset of the window, row by row from the top,
+/// left to right: those of the first tap, then of the second, …
+#[cfg(feature = "gpu")]
+pub(super) fn dense_taps(tape: &Tape, window: Window) -> Vec<f32> {
+    let along = || {
+        let [radius, dilation] = [window.radius, window.dilation].map(|x| x as i32);
+        (-radius..=radius).map(move |k| k * dilation)
+    };
+    let offsets: Vec<[i32; 2]> = along().flat_map(|dy| along().map(move |dx| [dx, dy])).collect();
+    per_tap(&Program::new(tape), &offsets)
+}
+
+/// Evaluates the tap tape on offsets: the results of the first tap, then of the
+/// second, …
+fn per_tap(tape: &Program, offsets: &[[i32; 2]]) -> Vec<f32> {
+    let (taps, values) = (offsets.len(), tape.results());
+    if values == 0 || taps == 0 {
+        return Vec::new();
     }
-    Ok(strips)
+    let chunks = taps.div_ceil(LANES);
+    let along = |axis: usize| -> Vec<f32> {
+        (0..chunks * LANES).map(|k| offsets[k.min(taps - 1)][axis] as f32).collect()
+    };
+    let (x, y) = (along(0), along(1));
+    let inputs: Vec<Arg<'_>> = tape
+        .inputs()
+        .iter()
+        .map(|input| match input {
+            Input::Offset(Axis::X) => Arg::Block(x.as_chunks().0),
+            Input::Offset(Axis::Y) => Arg::Block(y.as_chunks().0),
+            Input::Plane(..) | Input::PerPixel(..) | Input::PerTap(_) => {
+                unreachable!("the tap tape reads offsets only")
+            }
+        })
+        .collect();
+    let mut slots = Slots::default();
+    run(tape, &inputs, &mut slots, chunks);
+    let mut table = vec![0.0; taps * values];
+    for value in 0..values {
+        copy(tape.result(value, &inputs, &slots), taps, |k, x| {
+            table[k * values + value] = x;
+        });
+    }
+    table
 }
 
 /// Runs a program once, compiled for the host's vector units.
@@ -301,14 +506,14 @@ fn strips(scene: &Scene, region: &[Rect]) -> Result<Vec<Rect>, BackendError> {
 /// It takes a type of its own, not a closure: only a method can be told to be
 /// inlined into the code that has those units enabled, and arithmetic that is
 /// not is twenty times slower (`mul_add` is then a library call).
-struct Run<'a> {
+struct Dispatch<'a> {
     program: &'a Program,
     inputs: &'a [Arg<'a>],
     slots: &'a mut Slots,
     chunks: usize,
 }
 
-impl pulp::WithSimd for Run<'_> {
+impl pulp::WithSimd for Dispatch<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -318,7 +523,7 @@ impl pulp::WithSimd for Run<'_> {
 }
 
 fn run(program: &Program, inputs: &[Arg<'_>], slots: &mut Slots, chunks: usize) {
-    pulp::Arch::new().dispatch(Run { program, inputs, slots, chunks });
+    pulp::Arch::new().dispatch(Dispatch { program, inputs, slots, chunks });
 }
 
 fn copy(from: Arg<'_>, count: usize, mut to: impl FnMut(usize, f32)) {

@@ -3,7 +3,7 @@
 use super::block::{
     Arg, BLOCK, Block as Sums, LANES, Program, Slots, accumulate, accumulate_magnitude,
 };
-use super::cpu::{CHANNELS, Frame, Rates, SumShape, Summer};
+use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, tapes};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::tape::{Input, Side};
 use crate::plan::Plan;
@@ -22,13 +22,15 @@ struct Interpreted {
 /// The pair tape, ready to run.
 struct Pair {
     program: Program,
+    weights: usize,
     signed: bool,
+    mirrored: bool,
 }
 
 #[derive(Default)]
 struct Scratch {
     slots: Slots,
-    /// The sums of the current row of the window.
+    /// The sums of the current run of taps.
     partial: Sums,
 }
 
@@ -42,7 +44,12 @@ impl Backend for Interpreter {
     }
 
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
-        let pair = Pair { program: Program::new(plan.pair()), signed: plan.signed() };
+        let pair = Pair {
+            program: Program::new(&tapes(plan).pair),
+            weights: plan.weights(),
+            signed: plan.signed(),
+            mirrored: plan.mirrored().is_some(),
+        };
         Ok(Box::new(Interpreted { plan: plan.clone(), rates: Rates::new(plan), pair }))
     }
 }
@@ -53,38 +60,50 @@ impl Executable for Interpreted {
     }
 }
 
+impl Pair {
+    /// Sums per pixel.
+    fn results(&self) -> usize {
+        self.weights * (CHANNELS + usize::from(self.signed))
+    }
+}
+
 impl Summer for Pair {
     type Scratch = Scratch;
 
-    fn sums(
+    fn step(&self) -> usize {
+        LANES
+    }
+
+    fn add(
         &self,
         frame: &Frame<'_>,
-        strip: Rect,
+        taps: Taps<'_>,
+        rect: Rect,
         scratch: &mut Scratch,
-        out: &mut Vec<f32>,
-    ) -> Result<SumShape, BackendError> {
-        let results = self.program.results() * (CHANNELS + usize::from(self.signed));
-        let stride = strip.width.next_multiple_of(LANES);
-        out.clear();
-        out.resize(strip.height * results * stride, 0.0);
+        sums: &mut [f32],
+        owed: &mut [f32],
+    ) -> Result<(), BackendError> {
+        let stride = rect.width.next_multiple_of(LANES);
         // Wide strips are cut into equal blocks rather than full ones and a rest.
         let chunks = stride / LANES;
         let block = chunks.div_ceil(chunks.div_ceil(BLOCK));
-        for row in 0..strip.height {
+        for row in 0..rect.height {
             for first in (0..chunks).step_by(block) {
                 pulp::Arch::new().dispatch(Block {
                     pair: self,
                     frame,
-                    x: strip.x + first * LANES,
-                    y: strip.y + row,
+                    taps,
+                    x: rect.x + first * LANES,
+                    y: rect.y + row,
                     chunks: block.min(chunks - first),
                     scratch,
-                    sums: &mut out[row * results * stride + first * LANES..],
+                    sums: &mut sums[row * self.results() * stride + first * LANES..],
                     stride,
+                    owed,
                 });
             }
         }
-        Ok(SumShape { results, stride })
+        Ok(())
     }
 }
 
@@ -93,6 +112,7 @@ impl Summer for Pair {
 struct Block<'a> {
     pair: &'a Pair,
     frame: &'a Frame<'a>,
+    taps: Taps<'a>,
     x: usize,
     y: usize,
     chunks: usize,
@@ -101,6 +121,7 @@ struct Block<'a> {
     /// apart.
     sums: &'a mut [f32],
     stride: usize,
+    owed: &'a mut [f32],
 }
 
 impl pulp::WithSimd for Block<'_> {
@@ -110,36 +131,42 @@ impl pulp::WithSimd for Block<'_> {
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let Self { pair, frame, chunks, .. } = self;
         let Scratch { slots, partial } = self.scratch;
-        let program = &pair.program;
-        let weights = program.results();
-        let results = weights * (CHANNELS + usize::from(pair.signed));
-        let radius = frame.window.radius as usize;
-        let dilation = frame.window.dilation as usize;
-        let here = frame.layout.index(self.x, self.y);
+        let (program, results) = (&pair.program, pair.results());
+        let layout = frame.layout;
+        let here = layout.index(self.x, self.y);
+        let values = self.taps.values.len()
+            / self.taps.runs.iter().map(|run| run.count as usize).sum::<usize>().max(1);
+        let mut tap = 0;
         let mut inputs: Vec<Arg<'_>> = Vec::with_capacity(program.inputs().len());
-        for v in 0..frame.window.diameter() {
-            let Some(y) = (self.y + v * dilation).checked_sub(radius * dilation) else { continue };
-            if y >= frame.layout.height() {
-                break;
-            }
+        for (index, run) in self.taps.runs.iter().enumerate() {
+            let y = self.y.checked_add_signed(run.dy as isize).filter(|&y| y < layout.height());
+            let Some(y) = y else {
+                tap += run.count as usize * values;
+                continue;
+            };
             partial.resize(results * chunks);
             partial.chunks_mut().fill([0.0; LANES]);
-            for u in 0..frame.window.diameter() {
-                let there = frame.layout.index(self.x, y) + u * dilation - radius * dilation;
-                let tap = (v * frame.window.diameter() + u) * frame.taps;
+            for [dx, _] in run.offsets() {
+                let there = layout.index(self.x, y).wrapping_add_signed(dx as isize);
                 inputs.clear();
                 for input in program.inputs() {
+                    let at = |side| match side {
+                        Side::I => here,
+                        Side::J => there,
+                    };
                     inputs.push(match *input {
-                        Input::Plane(plane, Side::I) => blocks(&frame.plane(plane)[here..]),
-                        Input::Plane(plane, Side::J) => blocks(&frame.plane(plane)[there..]),
-                        Input::PerPixel(k) => blocks(&frame.per_pixel[k as usize][here..]),
-                        Input::PerTap(k) => Arg::Splat(frame.per_tap[tap + k as usize]),
+                        Input::Plane(plane, side) => blocks(&frame.plane(plane)[at(side)..]),
+                        Input::PerPixel(k, side) => {
+                            blocks(&frame.per_pixel[k as usize][at(side)..])
+                        }
+                        Input::PerTap(k) => Arg::Splat(self.taps.values[tap + k as usize]),
                         Input::Offset(_) => unreachable!("offsets are read through the tap tape"),
                     });
                 }
+                tap += values;
                 program.run(&inputs, slots, chunks);
                 let mut partial = partial.chunks_mut().chunks_exact_mut(chunks);
-                for weight in 0..weights {
+                for weight in 0..pair.weights {
                     let w = program.result(weight, &inputs, slots);
                     for channel in frame.channels {
                         let sums = partial.next().expect("one run of sums per result");
@@ -149,6 +176,25 @@ impl pulp::WithSimd for Block<'_> {
                         let one = frame.channels[CHANNELS - 1];
                         let sums = partial.next().expect("one run of sums per result");
                         accumulate_magnitude(w, one[there..].as_chunks().0, sums);
+                    }
+                }
+                if pair.mirrored {
+                    // The padding of a row of what is owed is that of the planes.
+                    let column = there - y * layout.stride();
+                    let mut owed = self.owed[index * results * layout.stride()..]
+                        .chunks_exact_mut(layout.stride())
+                        .map(|row| row[column..][..chunks * LANES].as_chunks_mut().0);
+                    for weight in 0..pair.weights {
+                        let w = program.result(pair.weights + weight, &inputs, slots);
+                        for channel in frame.channels {
+                            let sums = owed.next().expect("one row of sums per result");
+                            accumulate(w, channel[here..].as_chunks().0, sums);
+                        }
+                        if pair.signed {
+                            let one = frame.channels[CHANNELS - 1];
+                            let sums = owed.next().expect("one row of sums per result");
+                            accumulate_magnitude(w, one[here..].as_chunks().0, sums);
+                        }
                     }
                 }
             }

@@ -3,11 +3,11 @@
 
 use tamis_jit::{Body, Chains, Compiler, Job, Kernel, Lanes, WindowSpec};
 
-use super::cpu::{CHANNELS, Frame, Rates, SumShape, Summer};
+use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, tapes};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::feature::PlaneId;
 use crate::expr::tape::{Input, Instr, Prim, Side, Tape};
-use crate::plan::Plan;
+use crate::plan::{Plan, Run};
 use crate::scene::Scene;
 
 /// Compiles tapes to machine code.
@@ -58,15 +58,17 @@ impl Backend for Jit {
     }
 
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
-        let planes = planes(plan.pair());
+        let tapes = tapes(plan);
+        let planes = planes(&tapes.pair);
         let spec = WindowSpec {
-            planes: CHANNELS + planes.len() + plan.pixel().results().len(),
-            taps: plan.tap().results().len(),
+            planes: CHANNELS + planes.len() + tapes.pixel.results().len(),
+            taps: tapes.tap.results().len(),
             channels: CHANNELS,
-            weights: plan.pair().results().len(),
+            weights: plan.weights(),
             absolute: plan.signed(),
+            mirrored: plan.mirrored().is_some(),
         };
-        let body = TapeBody { tape: plan.pair(), planes: &planes };
+        let body = TapeBody { tape: &tapes.pair, planes: &planes };
         let kernel = self.compiler.compile(spec, self.chains, &body)?;
         let pair = Pair { kernel, planes };
         Ok(Box::new(Compiled { plan: plan.clone(), rates: Rates::new(plan), pair }))
@@ -82,39 +84,43 @@ impl Executable for Compiled {
 impl Summer for Pair {
     type Scratch = ();
 
-    fn sums(
+    fn step(&self) -> usize {
+        self.kernel.step()
+    }
+
+    fn add(
         &self,
         frame: &Frame<'_>,
-        strip: Rect,
+        taps: Taps<'_>,
+        rect: Rect,
         (): &mut (),
-        out: &mut Vec<f32>,
-    ) -> Result<SumShape, BackendError> {
+        sums: &mut [f32],
+        owed: &mut [f32],
+    ) -> Result<(), BackendError> {
         let planes: Vec<&[f32]> = frame
             .channels
             .into_iter()
             .chain(self.planes.iter().map(|&plane| frame.plane(plane)))
             .chain(frame.per_pixel.iter().map(Vec::as_slice))
             .collect();
-        let window = tamis_jit::Window {
-            radius: [frame.window.radius as usize; 2],
-            dilation: [frame.window.dilation as usize; 2],
-        };
         let layout = tamis_jit::Layout {
             width: frame.layout.width(),
             height: frame.layout.height(),
             pad: frame.layout.pad(),
             stride: frame.layout.stride(),
         };
-        let rect = tamis_jit::Rect {
-            x: strip.x..strip.x + strip.width,
-            y: strip.y..strip.y + strip.height,
+        let run = |run: &Run| tamis_jit::Run {
+            dx: run.dx as isize,
+            dy: run.dy as isize,
+            count: run.count as usize,
+            step: run.step as isize,
         };
-        let job = Job { layout, planes: &planes, window, taps: &frame.per_tap, rect };
-        let shape = self.kernel.output_shape(&job.rect);
-        // What an earlier strip left is overwritten by the kernel.
-        out.resize(shape.len(), 0.0);
-        self.kernel.run(&job, out)?;
-        Ok(SumShape { results: shape.results, stride: shape.stride })
+        let runs: Vec<tamis_jit::Run> = taps.runs.iter().map(run).collect();
+        let rect =
+            tamis_jit::Rect { x: rect.x..rect.x + rect.width, y: rect.y..rect.y + rect.height };
+        let job = Job { layout, planes: &planes, runs: &runs, taps: taps.values, rect };
+        self.kernel.run(&job, sums, owed)?;
+        Ok(())
     }
 }
 
@@ -124,12 +130,19 @@ fn planes(tape: &Tape) -> Vec<PlaneId> {
         .inputs()
         .filter_map(|input| match input {
             Input::Plane(plane, _) => Some(plane),
-            Input::Offset(_) | Input::PerPixel(_) | Input::PerTap(_) => None,
+            Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) => None,
         })
         .collect();
     planes.sort_unstable();
     planes.dedup();
     planes
+}
+
+fn end(side: Side) -> tamis_jit::Side {
+    match side {
+        Side::I => tamis_jit::Side::I,
+        Side::J => tamis_jit::Side::J,
+    }
 }
 
 /// A tape as the straight-line program inside the window loop.
@@ -143,14 +156,11 @@ impl TapeBody<'_> {
         match input {
             Input::Plane(plane, side) => {
                 let index = self.planes.binary_search(&plane);
-                let index = CHANNELS + index.expect("planes() listed every plane of the tape");
-                match side {
-                    Side::I => lanes.plane(index, tamis_jit::Side::I),
-                    Side::J => lanes.plane(index, tamis_jit::Side::J),
-                }
+                let index = index.expect("planes() listed every plane of the tape");
+                lanes.plane(CHANNELS + index, end(side))
             }
-            Input::PerPixel(k) => {
-                lanes.plane(CHANNELS + self.planes.len() + k as usize, tamis_jit::Side::I)
+            Input::PerPixel(k, side) => {
+                lanes.plane(CHANNELS + self.planes.len() + k as usize, end(side))
             }
             Input::PerTap(k) => lanes.tap(k as usize),
             Input::Offset(_) => unreachable!("offsets are read through the tap tape"),

@@ -5,17 +5,19 @@
 //! reference, and [`Jit`], machine code. The [`oracle`] computes a filter's
 //! exact meaning in f64; it is no back end, but what back ends are held to.
 //!
-//! **The sum.** Σ c·w and Σ w are accumulated per row of the window by fused
-//! multiply-adds, left to right, and the rows are then added from the top. So a
-//! sum over n = (2r+1)² taps carries the rounding of 2(2r+1) additions in a
-//! chain, not of n: for weights of one sign, a relative error below
-//! (2r+1) · 2^-23, 2.5e-6 at radius 10. A tap outside the image meets zero in
-//! all channels, the constant-one channel of Σ w included, and so drops out.
+//! **The sum.** Σ c·w and Σ w are accumulated by fused multiply-adds per run of
+//! taps (a row of the window; the row of pixel i in three parts), and the runs are
+//! then added, in the order of [`Taps`](crate::plan::Taps). So a sum over
+//! n = (2r+1)² taps carries the rounding of 4r+4 additions in a chain, not of n:
+//! for weights of one sign, a relative error below (2r+2) · 2^-23, 2.6e-6 at
+//! radius 10. A tap outside the image meets zero in all channels, the constant-one
+//! channel of Σ w included, and so drops out.
 //!
 //! **The guard.** Where Σ w cannot be trusted the noisy colour stays, and is
 //! counted: see [`TRUSTED_SUM`] and [`TRUSTED_SHARE`].
 
 mod block;
+mod converged;
 mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;

@@ -102,7 +102,9 @@ impl Shader {
             let inputs = plan.pair().inputs().chain(plan.pixel().inputs());
             let planes = inputs.filter_map(move |input| match input {
                 Input::Plane(plane, s) if s == side => Some(plane),
-                Input::Plane(..) | Input::Offset(_) | Input::PerPixel(_) | Input::PerTap(_) => None,
+                Input::Plane(..) | Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) => {
+                    None
+                }
             });
             planes.collect::<BTreeSet<PlaneId>>()
         };
@@ -125,7 +127,10 @@ impl Shader {
                 Input::Plane(plane, side) => read(plane, side),
                 Input::Offset(Axis::X) => "offset.x".to_owned(),
                 Input::Offset(Axis::Y) => "offset.y".to_owned(),
-                Input::PerPixel(k) => format!("per_pixel.v{k}"),
+                Input::PerPixel(k, Side::I) => format!("per_pixel.v{k}"),
+                Input::PerPixel(_, Side::J) => {
+                    unreachable!("only mirrored tapes look at pixel j through per-pixel values")
+                }
                 Input::PerTap(k) => format!("tap.{}", tap[k as usize]),
             })
         };
@@ -151,7 +156,7 @@ impl Shader {
             given().map(|(name, kind, _)| format!("{name}: {kind}")).collect();
         let arguments: Vec<&str> = given().map(|(name, _, _)| *name).collect();
 
-        let reach = plan.window().reach() as usize;
+        let reach = plan.support().reach() as usize;
         let workgroup = style.loads.workgroup();
         let columns = workgroup[0] as usize + 2 * reach;
         let strip = columns * workgroup[1] as usize;
@@ -164,7 +169,7 @@ impl Shader {
             tap_table: style.tap_table && taps > 0,
             tap_quads,
             weights,
-            radius: plan.window().radius,
+            radius: plan.support().radius,
             dilation: plan.window().dilation,
             columns,
             strip,

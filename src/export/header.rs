@@ -20,7 +20,7 @@ const JOINED: &str = ",\u{a0}";
 /// filter's name stands among them escaped and quoted, so it holds no line break;
 /// beyond that, a language must see to it that no line ends its comment.
 pub(super) fn lines(subject: &Subject<'_>, called: impl Fn(Term) -> String) -> Vec<String> {
-    let window = subject.plan.window();
+    let window = subject.plan.support();
     let diameter = window.diameter();
     let apart = match window.dilation {
         1 => String::new(),

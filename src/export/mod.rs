@@ -117,7 +117,7 @@ pub fn export(
         return Err(ExportError::Stages { filter: name.to_owned(), stages: filter.stages.len() });
     };
     // In one piece: a compiler moves what does not depend on the pair itself.
-    let passes = Passes { rate: false, ..Passes::ALL };
+    let passes = Passes { rate: false, symmetry: false, ..Passes::ALL };
     let plan = Plan::new(std::slice::from_ref(weight), *window, &Facts::of_any_scene(), passes)
         .map_err(|source| ExportError::Plan { filter: name.to_owned(), source })?;
     let subject = Subject { name, identifier: identifier::of(name), weight, plan };

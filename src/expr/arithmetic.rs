@@ -113,6 +113,8 @@ pub const DISTANCE2: VectorFunction = VectorFunction {
             b,
             pairs,
             |b, x, y| {
+                // The square of y - x is the same value as that of x - y.
+                let (x, y) = if y < x { (y, x) } else { (x, y) };
                 let d = b.sub(x, y);
                 b.mul(d, d)
             },

@@ -49,6 +49,7 @@ impl Rules {
 }
 
 /// Builds one tape.
+#[derive(Clone)]
 pub struct Builder {
     tape: Tape,
     made: FxHashMap<Instr, Value>,

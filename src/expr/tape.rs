@@ -25,6 +25,17 @@ pub enum Side {
     J,
 }
 
+impl Side {
+    /// The other end.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::I => Self::J,
+            Self::J => Self::I,
+        }
+    }
+}
+
 /// An image axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Axis {
@@ -41,8 +52,8 @@ pub enum Input {
     Plane(PlaneId, Side),
     /// The offset from i to j along an axis, in pixels: j - i.
     Offset(Axis),
-    /// The k-th value that was computed beforehand for pixel i.
-    PerPixel(u32),
+    /// The k-th value that was computed beforehand for every pixel, at pixel i or j.
+    PerPixel(u32, Side),
     /// The k-th value that was computed beforehand for this offset.
     PerTap(u32),
 }

@@ -14,11 +14,22 @@ pub(super) struct Surroundings<'a> {
     pub(super) range: &'a dyn Fn(PlaneId) -> Interval,
     /// The window that offsets range over.
     pub(super) window: Window,
+    /// Whether pixels i and j change places: w(j, i) is made of what is read at
+    /// i and j for w(i, j).
+    pub(super) mirrored: bool,
 }
 
 impl Surroundings<'_> {
     fn read(&self, b: &mut Builder, plane: PlaneId, side: Side) -> Value {
+        let side = if self.mirrored { side.other() } else { side };
         b.input(Input::Plane(plane, side), (self.range)(plane))
+    }
+
+    /// From i to j, which is minus as far from j to i.
+    fn offset(&self, b: &mut Builder, axis: Axis) -> Value {
+        let reach = self.window.reach() as f32;
+        let offset = b.input(Input::Offset(axis), Interval::new(-reach, reach));
+        if self.mirrored { b.neg(offset) } else { offset }
     }
 
     /// The pairs of components of two vector operands. Where a function looks at
@@ -33,14 +44,8 @@ impl Surroundings<'_> {
         relative: bool,
     ) -> Vec<(Value, Value)> {
         if relative && left == right && left.0 == Feature::Pixel {
-            let reach = self.window.reach() as f32;
-            return [Axis::X, Axis::Y]
-                .into_iter()
-                .map(|axis| {
-                    let offset = b.input(Input::Offset(axis), Interval::new(-reach, reach));
-                    (b.constant(0.0), offset)
-                })
-                .collect();
+            let pair = |axis| (b.constant(0.0), self.offset(b, axis));
+            return [Axis::X, Axis::Y].map(pair).into();
         }
         component_pairs(left, right)
             .map(|(x, y)| {

@@ -215,7 +215,8 @@ mod tests {
     fn merged(text: &str, features: Interval) -> String {
         let tree: Tree = text.parse().expect("valid text");
         let window = crate::plan::Window { radius: 2, dilation: 1 };
-        let at = super::super::lower::Surroundings { range: &|_| features, window };
+        let at =
+            super::super::lower::Surroundings { range: &|_| features, window, mirrored: false };
         merge(&tree, &super::super::lower::ranges(&tree, &at)).to_string()
     }
 

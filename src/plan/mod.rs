@@ -3,11 +3,16 @@
 //!
 //! ```text
 //!   trees ──merge──▶ trees ──lower──▶ one tape ──rate──▶ tap tape    (per offset)
-//!                       ▲                ▲           ├─▶ pixel tape  (per pixel i)
-//!                     ranges      facts, fold,       └─▶ pair tape   (per pair)
-//!                                 share, ranges,
-//!                                 contract
+//!                     ▲ │                ▲           ├─▶ pixel tape  (per pixel)
+//!                ranges │         facts, fold,       └─▶ pair tape   (per pair)
+//!                    support      share, ranges,
+//!                       ▼         contract
+//!                     taps
 //! ```
+//!
+//! `symmetry` lowers every weight a second time, with the pixels of the pair
+//! exchanged, into the same tape: where the two are one value, or share most of
+//! what they are made of, CPU back ends compute half of the pairs.
 //!
 //! A plan's fields are private: what a back end sees has been through here, so
 //! it may rely on what is promised below and contains no policy of its own.
@@ -18,18 +23,24 @@ mod lower;
 mod merge;
 mod passes;
 mod rate;
+mod support;
+mod symmetry;
+mod taps;
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use crate::expr::builder::{Builder, LIMIT};
 use crate::expr::feature::PlaneId;
 use crate::expr::interval::Interval;
-use crate::expr::tape::{Input, Tape};
+use crate::expr::tape::{Tape, Value};
 use crate::expr::tree::Tree;
 use crate::scene::facts::{Fact, Facts};
 
 pub use filter::{Filter, Source, Stage, Window};
 pub use passes::{PASSES, PassRow, Passes};
+pub use rate::Tapes;
+pub use taps::{Run, Taps};
 
 /// Why no plan can be made.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -45,6 +56,9 @@ pub enum PlanError {
     /// The expression is a bare vector.
     #[error("the weight must be a number, but `{0}` is a vector")]
     Vector(String),
+    /// The window's taps are all the same pixel.
+    #[error("the taps of a window must be at least one pixel apart, but its dilation is 0")]
+    Dilation,
     /// The window is larger than is accepted.
     #[error("a window that reaches {reach} pixels is too large; at most {max} are accepted", max = Window::MAX_RADIUS)]
     Window {
@@ -62,10 +76,11 @@ pub enum PlanError {
 #[derive(Clone, Debug)]
 pub struct Plan {
     window: Window,
-    tap: Tape,
-    pixel: Tape,
-    pair: Tape,
+    taps: Taps,
+    tapes: Tapes,
+    mirrored: Option<Tapes>,
     signed: bool,
+    converged: bool,
 }
 
 impl Plan {
@@ -77,6 +92,9 @@ impl Plan {
         facts: &Facts,
         passes: Passes,
     ) -> Result<Self, PlanError> {
+        if window.dilation == 0 {
+            return Err(PlanError::Dilation);
+        }
         if window.reach() > Window::MAX_RADIUS {
             return Err(PlanError::Window { reach: window.reach() });
         }
@@ -88,24 +106,40 @@ impl Plan {
             Fact::Range(range) if passes.facts => range,
             Fact::Absent | Fact::Constant(_) | Fact::Range(_) => Interval::new(-LIMIT, LIMIT),
         };
-        let at = lower::Surroundings { range: &range, window };
+        let at = lower::Surroundings { range: &range, window, mirrored: false };
+        let weights: Vec<Cow<'_, Tree>> = weights
+            .iter()
+            .map(|weight| match passes.merge {
+                true => Cow::Owned(merge::merge(weight, &lower::ranges(weight, &at))),
+                false => Cow::Borrowed(weight),
+            })
+            .collect();
+        let extents = match passes.support {
+            true => support::extents(&weights, window, &at),
+            false => support::whole(window),
+        };
+        let taps = Taps::new(window, &extents);
+
         let mut b = Builder::new(passes.rules());
-        let mut results = Vec::with_capacity(weights.len());
-        for weight in weights {
-            let merged;
-            let weight = if passes.merge {
-                merged = merge::merge(weight, &lower::ranges(weight, &at));
-                &merged
-            } else {
-                weight
+        let mut lower_all = |at: &lower::Surroundings<'_>| -> Vec<Value> {
+            let lower = |weight: &Cow<'_, Tree>| {
+                let nodes = lower::lower(&mut b, weight, at);
+                nodes[weight.root()].expect("the root is a scalar, as checked above")
             };
-            let nodes = lower::lower(&mut b, weight, &at);
-            results.push(nodes[weight.root()].expect("the root is a scalar, as checked above"));
-        }
+            weights.iter().map(lower).collect()
+        };
+        let results = lower_all(&at);
+        let both = passes.symmetry.then(|| {
+            let back = lower_all(&lower::Surroundings { mirrored: true, ..at });
+            [results.clone(), back].concat()
+        });
+        let both = both.map(|results| b.clone().finish(&results));
         let tape = b.finish(&results);
         let signed = tape.results().iter().any(|&r| tape.range(r).lo < 0.0);
-        let rate::Split { tap, pixel, pair } = rate::split(&tape, passes.rate);
-        Ok(Self { window, tap, pixel, pair, signed })
+        let tapes = rate::split(&tape, passes.rate, false);
+        let mirrored = both.map(|tape| rate::split(&tape, passes.rate, true));
+        let mirrored = mirrored.filter(|mirrored| symmetry::pays(&tapes, mirrored));
+        Ok(Self { window, taps, tapes, mirrored, signed, converged: passes.converged })
     }
 
     /// Where j ranges.
@@ -113,19 +147,47 @@ impl Plan {
         self.window
     }
 
+    /// The smallest window around the taps that count.
+    pub fn support(&self) -> Window {
+        Window { radius: self.taps.radius(self.window.dilation), ..self.window }
+    }
+
+    /// The taps that count, in the order of summation.
+    pub fn taps(&self) -> &Taps {
+        &self.taps
+    }
+
+    /// The tapes of all weights, w(i, j) each.
+    pub fn tapes(&self) -> &Tapes {
+        &self.tapes
+    }
+
     /// Computes the `PerTap` inputs of the pair tape from the offset.
     pub fn tap(&self) -> &Tape {
-        &self.tap
+        &self.tapes.tap
     }
 
     /// Computes the `PerPixel` inputs of the pair tape from planes at i.
     pub fn pixel(&self) -> &Tape {
-        &self.pixel
+        &self.tapes.pixel
     }
 
     /// Computes the weights.
     pub fn pair(&self) -> &Tape {
-        &self.pair
+        &self.tapes.pair
+    }
+
+    /// The tapes whose pair tape computes w(i, j) for every weight and after them
+    /// w(j, i) for every weight, if that costs clearly less than computing them
+    /// apart. What they give for [`Taps::half`] has the bits of what the plain
+    /// tapes give for all taps.
+    pub fn mirrored(&self) -> Option<&Tapes> {
+        self.mirrored.as_ref()
+    }
+
+    /// How many weights there are.
+    pub fn weights(&self) -> usize {
+        self.tapes.pair.results().len()
     }
 
     /// Whether a weight may be negative, so that sums may cancel.
@@ -133,16 +195,14 @@ impl Plan {
         self.signed
     }
 
+    /// Whether pixels may be left as they are whose window holds one colour.
+    pub fn skips_converged(&self) -> bool {
+        self.converged
+    }
+
     /// The planes that the plan reads; what is not here need not be loaded.
     pub fn planes(&self) -> BTreeSet<PlaneId> {
-        self.pixel
-            .inputs()
-            .chain(self.pair.inputs())
-            .filter_map(|input| match input {
-                Input::Plane(plane, _) => Some(plane),
-                Input::Offset(_) | Input::PerPixel(_) | Input::PerTap(_) => None,
-            })
-            .collect()
+        self.tapes.planes()
     }
 }
 

@@ -19,6 +19,12 @@ pub struct Passes {
     pub contract: bool,
     /// What does not depend on the pair leaves the window loop.
     pub rate: bool,
+    /// Taps whose weight is proved to be zero are left out.
+    pub support: bool,
+    /// Every pair of pixels is computed once, for both of its ends.
+    pub symmetry: bool,
+    /// Pixels whose window holds one colour keep it.
+    pub converged: bool,
 }
 
 /// A pass as the command line and the benches name it.
@@ -78,6 +84,24 @@ pub const PASSES: &[PassRow] = &[
         exact: true,
         switch: |p| &mut p.rate,
     },
+    PassRow {
+        name: "support",
+        doc: "taps whose weight is proved to be zero are left out",
+        exact: true,
+        switch: |p| &mut p.support,
+    },
+    PassRow {
+        name: "symmetry",
+        doc: "every pair of pixels is computed once, for both of its ends",
+        exact: true,
+        switch: |p| &mut p.symmetry,
+    },
+    PassRow {
+        name: "converged",
+        doc: "pixels whose window holds one colour keep it",
+        exact: false,
+        switch: |p| &mut p.converged,
+    },
 ];
 
 impl Passes {
@@ -90,6 +114,9 @@ impl Passes {
         ranges: true,
         contract: true,
         rate: true,
+        support: true,
+        symmetry: true,
+        converged: true,
     };
 
     /// Every pass off.
@@ -101,6 +128,9 @@ impl Passes {
         ranges: false,
         contract: false,
         rate: false,
+        support: false,
+        symmetry: false,
+        converged: false,
     };
 
     /// The same passes without the named one; `None` if there is no such pass.

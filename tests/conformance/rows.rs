@@ -13,7 +13,7 @@ use tamis::expr::builder::{Builder, LIMIT, Rules};
 use tamis::expr::function::Budget;
 use tamis::expr::interval::Interval;
 use tamis::expr::op::Form;
-use tamis::expr::tape::Input;
+use tamis::expr::tape::{Input, Side};
 
 pub(crate) const CASES: &[(&str, fn())] =
     &[("gpu::rows_exact", exact), ("gpu::rows_of_a_poor_device", poor), ("gpu::rows_fast", fast)];
@@ -49,7 +49,7 @@ fn rows(precision: Precision, arithmetic: Option<Arithmetic>) {
         let mut b = Builder::new(Rules::ALL);
         let range = Interval::new(-within, within);
         let inputs: Vec<_> =
-            (0..operands).map(|k| b.input(Input::PerPixel(k as u32), range)).collect();
+            (0..operands).map(|k| b.input(Input::PerPixel(k as u32, Side::I), range)).collect();
         let result = match op.row().form {
             Form::Unary(f) => (f.build)(&mut b, inputs[0]),
             Form::Binary(f) => (f.build)(&mut b, inputs[0], inputs[1]),

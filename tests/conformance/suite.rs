@@ -36,12 +36,37 @@ cases! {
     several_weights_in_one_plan
     untrusted_sums_keep_the_noisy_colour
     a_constant_image_stays_constant
+    windows_of_one_colour_keep_it
     passes_change_cost_not_meaning
     threads_do_not_matter
 }
 
 pub(crate) fn plan(weights: &[Tree], window: Window, scene: &Scene, passes: Passes) -> Plan {
     Plan::new(weights, window, &Facts::of(scene), passes).expect("the fixture has every feature")
+}
+
+/// All taps of a window, as `plan::Taps` orders them: runs of [u, v].
+fn order_of_summation(radius: i64) -> Vec<Vec<[i64; 2]>> {
+    let rightwards = |v: i64| (-radius..=radius).map(move |u| [u, v]);
+    let mut runs: Vec<Vec<[i64; 2]>> = (-radius..0).map(|v| rightwards(v).collect()).collect();
+    runs.push((1..=radius).rev().map(|u| [u, 0]).collect());
+    runs.push(vec![[0, 0]]);
+    runs.extend((1..=radius).map(|v| rightwards(v).rev().collect()));
+    runs.push((-radius..0).map(|u| [u, 0]).collect());
+    runs
+}
+
+fn color(scene: &Scene, x: i64, y: i64) -> [f32; 3] {
+    [0, 1, 2].map(|c| scene.color()[c].at(x as usize, y as usize))
+}
+
+/// Whether the square around the taps that count holds one colour only.
+fn is_converged(plan: &Plan, scene: &Scene, x: i64, y: i64) -> bool {
+    let reach = i64::from(plan.support().reach());
+    let (width, height) = (scene.layout().width() as i64, scene.layout().height() as i64);
+    let along = |at: i64, end: i64| (at - reach).max(0)..(at + reach + 1).min(end);
+    let mut window = along(y, height).flat_map(|v| along(x, width).map(move |u| (u, v)));
+    window.all(|(u, v)| color(scene, u, v) == color(scene, x, y))
 }
 
 /// What the tapes mean, computed one pixel and one instruction at a time, in
@@ -58,19 +83,24 @@ fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
     let mut filtered = vec![Filtered::default(); weights];
     for y in 0..height as i64 {
         for x in 0..width as i64 {
+            if plan.skips_converged() && is_converged(plan, scene, x, y) {
+                for filtered in &mut filtered {
+                    filtered.pixels.push(color(scene, x, y));
+                }
+                continue;
+            }
             let per_pixel = plan.pixel().eval(|input| match input {
                 Input::Plane(id, Side::I) => read(id, x, y),
                 other => panic!("{other:?} is not known per pixel"),
             });
             let mut sums = vec![[0.0f32; 5]; weights];
-            for v in -radius..=radius {
-                let below = y + v * dilation;
-                if !(0..height as i64).contains(&below) {
-                    continue;
-                }
+            for run in order_of_summation(radius) {
                 let mut partial = vec![[0.0f32; 5]; weights];
-                for u in -radius..=radius {
-                    let beside = x + u * dilation;
+                for [u, v] in run {
+                    let (beside, below) = (x + u * dilation, y + v * dilation);
+                    if !(0..height as i64).contains(&below) {
+                        continue;
+                    }
                     let inside = (0..width as i64).contains(&beside);
                     let per_tap = plan.tap().eval(|input| match input {
                         Input::Offset(Axis::X) => (u * dilation) as f32,
@@ -80,7 +110,8 @@ fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
                     let pair = plan.pair().eval(|input| match input {
                         Input::Plane(id, Side::I) => read(id, x, y),
                         Input::Plane(id, Side::J) => read(id, beside, below),
-                        Input::PerPixel(k) => per_pixel[k as usize],
+                        Input::PerPixel(k, Side::I) => per_pixel[k as usize],
+                        Input::PerPixel(_, Side::J) => panic!("only mirrored tapes look there"),
                         Input::PerTap(k) => per_tap[k as usize],
                         Input::Offset(_) => panic!("offsets are read through the tap tape"),
                     });
@@ -108,8 +139,7 @@ fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
                 if total.abs() >= least.max(share * magnitude) {
                     filtered.pixels.push([r / total, g / total, b / total]);
                 } else {
-                    let (x, y) = (x as usize, y as usize);
-                    filtered.pixels.push([0, 1, 2].map(|c| scene.color()[c].at(x, y)));
+                    filtered.pixels.push(color(scene, x, y));
                     filtered.kept += 1;
                 }
             }
@@ -297,16 +327,34 @@ fn untrusted_sums_keep_the_noisy_colour(backend: &dyn Backend) {
 
 fn a_constant_image_stays_constant(backend: &dyn Backend) {
     let scene = fixture::constant_color(30, 9, [0.25, 3.0, 1e-4]);
+    let filtered_all_the_same = Passes { converged: false, ..Passes::ALL };
     for known in codebook::known() {
         let name = known.name;
         let weights = std::slice::from_ref(&known.weight);
-        let plan = plan(weights, Window::dense(3), &scene, Passes::ALL);
+        let plan = plan(weights, Window::dense(3), &scene, filtered_all_the_same);
         for pixel in &run(backend, &plan, &scene)[0].pixels {
             for (got, expected) in pixel.iter().zip([0.25f32, 3.0, 1e-4]) {
                 assert!((got - expected).abs() <= 1e-5 * expected, "{name}: {got}");
             }
         }
     }
+}
+
+fn windows_of_one_colour_keep_it(backend: &dyn Backend) {
+    // Weights that cannot be trusted are none that count.
+    let weights = [parse("exp(-distance2(normal, normal))"), parse("0")];
+    let flat = fixture::constant_color(30, 9, [0.25, 3.0, 1e-4]);
+    let got = run(backend, &plan(&weights, Window::dense(3), &flat, Passes::ALL), &flat);
+    if backend.agreement() == Agreement::Bits {
+        for filtered in got {
+            assert!(filtered.pixels.iter().all(|&pixel| pixel == [0.25, 3.0, 1e-4]));
+            assert_eq!(filtered.kept, 0);
+        }
+    }
+    let striped = fixture::striped(300, 40);
+    let plan = plan(&weights[..1], Window::dense(3), &striped, Passes::ALL);
+    let got = run(backend, &plan, &striped);
+    agree(backend, &got, &scalar(&plan, &striped), "stripes");
 }
 
 fn passes_change_cost_not_meaning(backend: &dyn Backend) {

@@ -7,8 +7,8 @@ use cranelift_codegen::ir::types::{F32X4, I64};
 use cranelift_codegen::ir::{BlockArg, InstBuilder, StackSlotData, StackSlotKind, Value};
 use cranelift_frontend::FunctionBuilder;
 
-use super::{Assembler, LANES, Node, UNALIGNED, VECTOR};
-use crate::call::Call;
+use super::{Assembler, LANES, Node, UNALIGNED, VECTOR, load_field};
+use crate::call::{Call, RunCall};
 use crate::lanes::Lanes;
 use crate::window::Nest;
 
@@ -17,8 +17,11 @@ use crate::window::Nest;
 pub(super) struct Cursors {
     pub(super) pixel: Value,
     pub(super) neighbour: Value,
+    pub(super) mirror: Value,
     pub(super) tap: Value,
     pub(super) out: Value,
+    /// The address of the [`RunCall`] at hand.
+    pub(super) run: Value,
 }
 
 /// Vectors of partial sums that stay in registers: half of those that x86-64 has,
@@ -31,7 +34,7 @@ pub(super) struct Cursors {
 /// in 0.63 to 0.4 of the time.
 const CARRIED: usize = 8;
 
-/// The partial sums of a row of taps.
+/// The partial sums of a run of taps.
 pub(super) enum Partials<const N: usize> {
     /// Values that the loop passes from one tap to the next.
     Carried(Vec<Node<N>>),
@@ -77,13 +80,13 @@ fn place<const N: usize>(index: usize, chain: usize) -> i32 {
 
 impl<const N: usize> Assembler<'_, N> {
     /// Emits a loop that runs `count` times, at least once, and passes `carried`
-    /// from one round to the next; returns what the last round passed on.
+    /// from one round to the next.
     fn repeat(
         &mut self,
         count: Value,
         carried: &[Value],
         body: impl FnOnce(&mut Self, &[Value]) -> Vec<Value>,
-    ) -> Vec<Value> {
+    ) {
         let [head, exit] = array::from_fn(|_| self.builder.create_block());
         let mut start = vec![BlockArg::Value(count)];
         self.builder.append_block_param(head, I64);
@@ -103,7 +106,6 @@ impl<const N: usize> Assembler<'_, N> {
             [left].iter().chain(&next).map(|&value| BlockArg::Value(value)).collect();
         self.builder.ins().brif(left, head, &again, exit, &[]);
         self.builder.switch_to_block(exit);
-        next
     }
 
     /// `cursor` moved by a constant number of bytes.
@@ -111,17 +113,35 @@ impl<const N: usize> Assembler<'_, N> {
         self.builder.ins().iadd_imm_u(cursor, bytes as i64)
     }
 
-    /// `cursor` moved by a number of bytes from the [`Call`].
-    fn advance_by_field(&mut self, cursor: Value, offset: usize) -> Value {
-        let bytes = self.field(offset);
+    /// A field of the run at hand.
+    fn run_field(&mut self, offset: usize) -> Value {
+        load_field(&mut self.builder, self.at.run, offset)
+    }
+
+    /// `cursor` moved by a number of bytes from the run at hand.
+    fn advance_by_run(&mut self, cursor: Value, offset: usize) -> Value {
+        let bytes = self.run_field(offset);
         self.builder.ins().iadd(cursor, bytes)
     }
 
     /// The address of a result of the chunk at hand.
     fn result(&mut self, index: usize) -> Value {
-        let stride = self.field(offset_of!(Call, out_stride));
+        self.strided(self.at.out, index, offset_of!(Call, out_stride))
+    }
+
+    /// The address of a mirrored sum of the neighbour at hand.
+    fn mirrored(&mut self, index: usize) -> Value {
+        self.strided(self.at.mirror, index, offset_of!(Call, mirror_stride))
+    }
+
+    /// `base` moved by `index` times a field of the [`Call`].
+    fn strided(&mut self, base: Value, index: usize, stride: usize) -> Value {
+        if index == 0 {
+            return base;
+        }
+        let stride = self.field(stride);
         let offset = self.builder.ins().imul_imm_u(stride, index as i64);
-        self.builder.ins().iadd(self.at.out, offset)
+        self.builder.ins().iadd(base, offset)
     }
 
     /// Sets all partials to +0.0.
@@ -140,55 +160,64 @@ impl<const N: usize> Assembler<'_, N> {
     }
 }
 
-/// Every loop moves its cursors on and puts them back where it found them, but
-/// for the tap's, which runs on from one row of taps into the next.
+/// Every loop puts its cursors back where it found them.
 impl<const N: usize> Nest for Assembler<'_, N> {
     fn for_chunks(&mut self, body: impl FnOnce(&mut Self)) {
         let start = self.at;
         let step = N * LANES * size_of::<f32>();
         let count = self.field(offset_of!(Call, chunks));
-        let carried = [start.pixel, start.neighbour, start.out];
-        self.repeat(count, &carried, |asm, at| {
-            asm.at = Cursors { pixel: at[0], neighbour: at[1], out: at[2], ..start };
+        self.repeat(count, &[start.pixel, start.out], |asm, at| {
+            asm.at = Cursors { pixel: at[0], out: at[1], ..start };
             body(asm);
             at.iter().map(|&cursor| asm.advance(cursor, step)).collect()
         });
         self.at = start;
     }
 
-    fn for_rows(&mut self, body: impl FnOnce(&mut Self)) {
+    fn for_runs(&mut self, body: impl FnOnce(&mut Self)) {
         let start = self.at;
-        let count = self.field(offset_of!(Call, rows));
-        self.repeat(count, &[start.neighbour, start.tap], |asm, at| {
-            asm.at.neighbour = at[0];
-            asm.at.tap = at[1];
+        let count = self.field(offset_of!(Call, run_count));
+        let first = self.field(offset_of!(Call, runs));
+        self.repeat(count, &[first], |asm, at| {
+            asm.at.run = at[0];
+            asm.at.neighbour = asm.advance_by_run(start.pixel, offset_of!(RunCall, neighbour));
+            asm.at.tap = asm.run_field(offset_of!(RunCall, taps));
+            if asm.spec.mirrored {
+                asm.at.mirror = asm.advance_by_run(start.pixel, offset_of!(RunCall, mirror));
+            }
             body(asm);
-            let below = asm.advance_by_field(at[0], offset_of!(Call, row_step));
-            vec![below, asm.at.tap]
+            vec![asm.advance(at[0], size_of::<RunCall>())]
         });
         self.at = start;
     }
 
-    fn for_columns(&mut self, body: impl FnOnce(&mut Self)) {
-        let row = self.at;
+    fn for_taps(&mut self, body: impl FnOnce(&mut Self)) {
+        let run = self.at;
         let tap_bytes = self.spec.taps * size_of::<f32>();
-        let count = self.field(offset_of!(Call, columns));
-        let mut carried = vec![row.neighbour, row.tap];
+        let count = self.run_field(offset_of!(RunCall, count));
+        let mut carried = vec![run.neighbour, run.tap];
+        // Where there is none, it need not be carried along.
+        carried.extend(self.spec.mirrored.then_some(run.mirror));
+        let cursors = carried.len();
         self.clear_partials();
         carried.extend(self.partials.carried());
-        let last = self.repeat(count, &carried, |asm, at| {
+        self.repeat(count, &carried, |asm, at| {
             asm.at.neighbour = at[0];
             asm.at.tap = at[1];
-            asm.partials.set_carried(&at[2..]);
+            if asm.spec.mirrored {
+                asm.at.mirror = at[2];
+            }
+            asm.partials.set_carried(&at[cursors..]);
             body(asm);
-            let mut next = vec![
-                asm.advance_by_field(at[0], offset_of!(Call, column_step)),
-                asm.advance(at[1], tap_bytes),
-            ];
+            let step = offset_of!(RunCall, step);
+            let mut next = vec![asm.advance_by_run(at[0], step), asm.advance(at[1], tap_bytes)];
+            if asm.spec.mirrored {
+                next.push(asm.advance_by_run(at[2], step));
+            }
             next.extend(asm.partials.carried());
             next
         });
-        self.at = Cursors { tap: last[1], ..row };
+        self.at = run;
     }
 
     fn accumulate(&mut self, index: usize, channel: Node<N>, weight: Node<N>) {
@@ -214,6 +243,16 @@ impl<const N: usize> Nest for Assembler<'_, N> {
         }
     }
 
+    fn accumulate_mirrored(&mut self, index: usize, channel: Node<N>, weight: Node<N>) {
+        let address = self.mirrored(index);
+        for k in 0..N {
+            let place = k as i32 * VECTOR;
+            let sum = self.builder.ins().load(F32X4, UNALIGNED, address, place);
+            let sum = self.builder.ins().fma(channel.0[k], weight.0[k], sum);
+            self.builder.ins().store(UNALIGNED, sum, address, place);
+        }
+    }
+
     fn partial(&mut self, index: usize) -> Node<N> {
         match &self.partials {
             Partials::Carried(nodes) => nodes[index],
@@ -221,14 +260,6 @@ impl<const N: usize> Nest for Assembler<'_, N> {
                 let place = place::<N>(index, k);
                 b.ins().load(F32X4, UNALIGNED, base, place)
             }),
-        }
-    }
-
-    fn store_result(&mut self, index: usize, value: Node<N>) {
-        let address = self.result(index);
-        for (k, &value) in value.0.iter().enumerate() {
-            let place = k as i32 * VECTOR;
-            self.builder.ins().store(UNALIGNED, value, address, place);
         }
     }
 

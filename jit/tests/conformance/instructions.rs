@@ -3,7 +3,7 @@
 //! A sum hides the sign of a zero, so each program also returns the reciprocal
 //! of its result, which is an infinity of the same sign.
 
-use tamis_jit::{Job, Layout, Rect, Side, Window, WindowSpec};
+use tamis_jit::{Job, Layout, Rect, Run, Side, WindowSpec};
 
 use crate::program::{Node, Program};
 use crate::reference::assert_agrees;
@@ -69,11 +69,18 @@ fn check(tuples: &[[f32; 3]], node: Node) {
     };
     // The last four nodes are weights: what is under test, its reciprocal, and
     // two uses that invite a code generator to merge it with what follows.
-    let spec = WindowSpec { planes: 4, taps: 0, channels: 1, weights: 4, absolute: false };
+    let spec = WindowSpec {
+        planes: 4,
+        taps: 0,
+        channels: 1,
+        weights: 4,
+        absolute: false,
+        mirrored: false,
+    };
     let job = Job {
         layout,
         planes: &[&one, &operands[0], &operands[1], &operands[2]],
-        window: Window::square(0),
+        runs: &Run::square(0),
         taps: &[],
         rect: Rect::all(&layout),
     };

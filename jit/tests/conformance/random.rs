@@ -1,7 +1,7 @@
 //! Random straight-line programs on random data.
 
 use proptest::prelude::*;
-use tamis_jit::{Border, Job, Layout, Rect, Side, Window, WindowSpec};
+use tamis_jit::{Border, Job, Layout, Rect, Run, Side, WindowSpec};
 
 use crate::program::{Node, Program};
 use crate::reference::assert_agrees;
@@ -58,11 +58,11 @@ proptest! {
         let second = layout.plane(Border::Replicate, pick(1));
         // A first node that needs no operand, so that every other finds one.
         let program = Program::new(std::iter::once(Node::Plane(1, Side::J)).chain(nodes));
-        let spec = WindowSpec { planes: 3, taps: 2, channels: 1, weights: 1, absolute: true };
+        let spec = WindowSpec { planes: 3, taps: 2, channels: 1, weights: 1, absolute: true, mirrored: false };
         let job = Job {
             layout,
             planes: &[&one, &first, &second],
-            window: Window::square(1),
+            runs: &Run::square(1),
             taps: &taps,
             rect: Rect::all(&layout),
         };

@@ -4,9 +4,7 @@ use tamis_jit::{Body, Chains, Compiler, Job, Scalar, WindowSpec};
 
 /// All results of one pixel, in the order of [`WindowSpec::result`].
 fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize) -> Vec<f32> {
-    let [rx, ry] = job.window.radius.map(|radius| radius as isize);
-    let [step_x, step_y] = job.window.dilation.map(|step| step as isize);
-    let (layout, taps) = (job.layout, spec.taps);
+    let layout = job.layout;
     let at = |column: isize, row: usize| -> Vec<f32> {
         let index = row * layout.stride + (layout.pad as isize + column) as usize;
         job.planes.iter().map(|plane| plane[index]).collect()
@@ -14,18 +12,19 @@ fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize
     let i = at(x as isize, y);
     let mut sums = vec![0.0f32; spec.results()];
     let mut first = 0;
-    for v in -ry..=ry {
-        let row = y as isize + v * step_y;
+    for run in job.runs {
+        let row = (y as isize).saturating_add(run.dy);
+        let inside = (0..layout.height as isize).contains(&row);
         let mut partials = vec![0.0f32; spec.results()];
-        for u in -rx..=rx {
-            let tap = &job.taps[first..first + taps];
-            first += taps;
-            if !(0..layout.height as isize).contains(&row) {
+        for k in 0..run.count as isize {
+            let tap = &job.taps[first..first + spec.taps];
+            first += spec.taps;
+            if !inside {
                 continue;
             }
-            let j = at(x as isize + u * step_x, row as usize);
+            let j = at(x as isize + run.dx + k * run.step, row as usize);
             let weights = body.emit(&mut Scalar { i: &i, j: &j, tap });
-            for (k, weight) in weights.into_iter().enumerate() {
+            for (k, weight) in weights.into_iter().take(spec.weights).enumerate() {
                 for c in 0..spec.channels {
                     let p = &mut partials[spec.result(k, c)];
                     *p = weight.mul_add(j[c], *p);
@@ -36,7 +35,7 @@ fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize
                 }
             }
         }
-        if (0..layout.height as isize).contains(&row) {
+        if inside {
             for (sum, partial) in sums.iter_mut().zip(partials) {
                 *sum += partial;
             }
@@ -63,8 +62,8 @@ pub(crate) fn assert_agrees<B: Body>(spec: WindowSpec, body: &B, job: &Job<'_>) 
         .collect();
     for chains in Chains::ALL {
         let kernel = compiler.compile(spec, chains, body).expect("compiles");
-        let mut out = vec![f32::NAN; kernel.output_shape(&job.rect).len()];
-        let shape = kernel.run(job, &mut out).expect("fits");
+        let mut out = vec![0.0; kernel.output_shape(&job.rect).len()];
+        let shape = kernel.run(job, &mut out, &mut []).expect("fits");
         for (n, sums) in expected.iter().enumerate() {
             let (row, column) = (n / shape.columns, n % shape.columns);
             for (result, &sum) in sums.iter().enumerate() {

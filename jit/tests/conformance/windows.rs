@@ -1,6 +1,7 @@
-//! Sums over windows: borders, ragged widths, dilation, batches, rectangles.
+//! Sums over windows: borders, ragged widths, dilation, batches, rectangles, and
+//! mirrored kernels.
 
-use tamis_jit::{Border, Job, Layout, Rect, Side, Window, WindowSpec};
+use tamis_jit::{Border, Chains, Compiler, Job, Layout, Rect, Run, Side, WindowSpec};
 
 use crate::program::{Node, Program};
 use crate::reference::assert_agrees;
@@ -47,56 +48,166 @@ fn program() -> Program {
     }
 }
 
-fn check(width: usize, height: usize, window: Window, rect: Option<Rect>, absolute: bool) {
-    let layout = Layout::new(width, height, window.reach());
+/// The rows of a window from the top, each from left to right.
+fn grid(radius: [isize; 2], dilation: [isize; 2]) -> Vec<Run> {
+    let [rx, ry] = radius;
+    let count = 2 * rx as usize + 1;
+    let row = |v| Run { dx: -rx * dilation[0], dy: v * dilation[1], count, step: dilation[0] };
+    (-ry..=ry).map(row).collect()
+}
+
+fn reach(runs: &[Run]) -> usize {
+    let last = |run: &Run| run.dx + run.step * (run.count as isize - 1);
+    runs.iter().map(|run| run.dx.abs().max(last(run).abs())).max().unwrap_or(0) as usize
+}
+
+fn check(width: usize, height: usize, runs: &[Run], rect: Option<Rect>, absolute: bool) {
+    let layout = Layout::new(width, height, reach(runs));
     let planes = planes(&layout);
     let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
-    let taps: Vec<f32> = (0..2 * window.taps()).map(|n| noise(9, n, 0)).collect();
-    let spec = WindowSpec { planes: 4, taps: 2, channels: 2, weights: 2, absolute };
-    let job = Job {
-        layout,
-        planes: &planes,
-        window,
-        taps: &taps,
-        rect: rect.unwrap_or_else(|| Rect::all(&layout)),
-    };
-    assert_agrees(spec, &program(), &job);
+    let count: usize = runs.iter().map(|run| run.count).sum();
+    let taps: Vec<f32> = (0..2 * count).map(|n| noise(9, n, 0)).collect();
+    let spec =
+        WindowSpec { planes: 4, taps: 2, channels: 2, weights: 2, absolute, mirrored: false };
+    let rect = rect.unwrap_or_else(|| Rect::all(&layout));
+    assert_agrees(spec, &program(), &Job { layout, planes: &planes, runs, taps: &taps, rect });
 }
 
 #[test]
 fn radii_from_none_to_more_than_the_image() {
     for radius in [0, 1, 2, 3, 8] {
-        check(11, 5, Window::square(radius), None, false);
+        check(11, 5, &Run::square(radius), None, false);
     }
 }
 
 #[test]
 fn radii_that_differ_by_axis() {
     for radius in [[0, 3], [3, 0], [2, 1]] {
-        let window = Window { radius, dilation: [1, 1] };
-        check(13, 6, window, None, true);
+        check(13, 6, &grid(radius, [1, 1]), None, true);
     }
 }
 
 #[test]
 fn dilated_taps_skip_pixels() {
     for dilation in [[2, 2], [1, 3], [4, 1], [1, 1000]] {
-        let window = Window { radius: [2, 2], dilation };
-        check(18, 9, window, None, true);
+        check(18, 9, &grid([2, 2], dilation), None, true);
+    }
+}
+
+#[test]
+fn runs_of_any_shape_and_direction() {
+    let run = |dx, dy, count, step| Run { dx, dy, count, step };
+    for runs in [
+        vec![],
+        vec![run(3, 0, 0, 1)],
+        vec![run(3, 1, 7, -1), run(0, 0, 1, 5), run(-2, -1, 3, 2), run(1, 0, 0, 1)],
+        vec![run(2, 0, 4, 0), run(-3, isize::MIN, 2, 1), run(0, isize::MAX, 2, -3)],
+    ] {
+        check(13, 4, &runs, None, true);
     }
 }
 
 #[test]
 fn ragged_widths() {
     for width in 1..=40 {
-        check(width, 3, Window::square(1), None, false);
+        check(width, 3, &Run::square(1), None, false);
     }
 }
 
 #[test]
 fn rectangles_inside_the_image() {
     for (x, y) in [(0..1, 0..1), (3..20, 2..5), (22..23, 6..7), (5..5, 0..7), (0..23, 3..3)] {
-        check(23, 7, Window::square(2), Some(Rect { x, y }), true);
+        check(23, 7, &Run::square(2), Some(Rect { x, y }), true);
+    }
+}
+
+/// The weights of [`program`] with the pixels exchanged come after themselves.
+fn mirrored_program() -> Program {
+    let Program { nodes, weights } = program();
+    let shift = nodes.len();
+    let back = nodes.iter().map(|&node| match node {
+        Node::Plane(plane, Side::I) => Node::Plane(plane, Side::J),
+        Node::Plane(plane, Side::J) => Node::Plane(plane, Side::I),
+        Node::Sub(a, b) => Node::Sub(a + shift, b + shift),
+        Node::Mul(a, b) => Node::Mul(a + shift, b + shift),
+        Node::Fma(a, b, c) => Node::Fma(a + shift, b + shift, c + shift),
+        // What belongs to an offset is the same for the opposite one here.
+        Node::Tap(k) => Node::Tap(k),
+        other => unreachable!("{other:?} is not in the program"),
+    });
+    let mut all: Vec<Node> = nodes.iter().copied().chain(back).collect();
+    // The weights are the last nodes: + 0 makes nodes of both halves of them.
+    let zero = all.len();
+    all.push(Node::Constant(0.0));
+    all.extend((shift - weights..shift).map(|n| Node::Add(n, zero)));
+    all.extend((2 * shift - weights..2 * shift).map(|n| Node::Add(n, zero)));
+    Program { nodes: all, weights: 2 * weights }
+}
+
+/// Half a window, each row computed once, gives the bits of the whole window: to
+/// what its own runs give, a row adds what the rows above it left for it.
+#[test]
+fn mirrored_halves_make_the_whole() {
+    const RADIUS: isize = 3;
+    let row = |dx, dy, count, step| Run { dx, dy, count, step };
+    let half: Vec<Run> = std::iter::once(row(RADIUS, 0, RADIUS as usize, -1))
+        .chain((1..=RADIUS).map(|dy| row(RADIUS, dy, 2 * RADIUS as usize + 1, -1)))
+        .collect();
+    let above = (1..=RADIUS).rev().map(|dy| row(-RADIUS, -dy, 2 * RADIUS as usize + 1, 1));
+    let left = row(-RADIUS, 0, RADIUS as usize, 1);
+    let whole: Vec<Run> = above.chain(half.iter().copied()).chain([left]).collect();
+
+    // Values of taps that are the same for an offset and its opposite.
+    let taps = |runs: &[Run]| -> Vec<f32> {
+        let offsets = runs
+            .iter()
+            .flat_map(|run| (0..run.count as isize).map(|k| [run.dx + k * run.step, run.dy]));
+        let seeds = offsets.map(|[dx, dy]| (dx * dx + 31 * dy * dy + 7 * (dx * dy)) as usize);
+        seeds.flat_map(|seed| [noise(5, seed, 0), noise(6, seed, 1)]).collect()
+    };
+    let (whole_taps, half_taps) = (taps(&whole), taps(&half));
+    let spec =
+        WindowSpec { planes: 4, taps: 2, channels: 2, weights: 2, absolute: true, mirrored: false };
+    let compiler = Compiler::host().expect("the tests need a host with FMA");
+    for (width, height) in [(1, 1), (5, 9), (33, 8), (70, 3)] {
+        let layout = Layout::new(width, height, RADIUS as usize);
+        let planes = planes(&layout);
+        let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
+        let rect = Rect::all(&layout);
+        let job = Job { layout, planes: &planes, runs: &whole, taps: &whole_taps, rect };
+        assert_agrees(spec, &program(), &job);
+        let plain = compiler.compile(spec, Chains::Four, &program()).expect("compiles");
+        let mut expected = vec![0.0; plain.output_shape(&job.rect).len()];
+        let expected_shape = plain.run(&job, &mut expected, &mut []).expect("fits");
+
+        let mirrored = WindowSpec { mirrored: true, ..spec };
+        for chains in Chains::ALL {
+            let kernel = compiler.compile(mirrored, chains, &mirrored_program()).expect("compiles");
+            let all = kernel.output_shape(&job.rect);
+            let mut sums = vec![0.0; all.len()];
+            for y in 0..height {
+                let rect = Rect { x: 0..width, y: y..y + 1 };
+                let job = Job { rect, runs: &half, taps: &half_taps, ..job.clone() };
+                let shape = kernel.mirror_shape(&job);
+                let mut owed = vec![0.0; shape.len()];
+                let row = all.row(y, 0).start..all.row(y, spec.results() - 1).start + all.stride;
+                kernel.run(&job, &mut sums[row], &mut owed).expect("fits");
+                // The row's own left neighbours come last, as in the whole window.
+                for (index, run) in half.iter().enumerate() {
+                    let target = y + run.dy as usize;
+                    for result in 0..if target < height { spec.results() } else { 0 } {
+                        let owed = &owed[shape.row(index, result)][layout.pad..][..width];
+                        for (sum, owed) in sums[all.row(target, result)].iter_mut().zip(owed) {
+                            *sum += owed;
+                        }
+                    }
+                }
+            }
+            for (y, result) in (0..height).flat_map(|y| (0..spec.results()).map(move |r| (y, r))) {
+                let found = &sums[all.row(y, result)];
+                assert_eq!(found, &expected[expected_shape.row(y, result)], "{chains:?}, row {y}");
+            }
+        }
     }
 }
 
@@ -112,13 +223,15 @@ fn a_batch_larger_than_the_registers() {
         _ => Node::Sub(n, n + 1),
     }));
     let program = Program { nodes, weights: 20 };
-    let spec = WindowSpec { planes: 4, taps: 0, channels: 2, weights: 20, absolute: true };
-    let job = Job {
-        layout,
-        planes: &planes,
-        window: Window::square(2),
-        taps: &[],
-        rect: Rect::all(&layout),
+    let spec = WindowSpec {
+        planes: 4,
+        taps: 0,
+        channels: 2,
+        weights: 20,
+        absolute: true,
+        mirrored: false,
     };
+    let job =
+        Job { layout, planes: &planes, runs: &Run::square(2), taps: &[], rect: Rect::all(&layout) };
     assert_agrees(spec, &program, &job);
 }

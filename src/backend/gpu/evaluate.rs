@@ -8,7 +8,7 @@ use super::error::GpuError;
 use crate::backend::wgsl::{Arithmetic, Dialect, Precision, Statements, functions, statements};
 use crate::expr::builder::{Builder, Rules};
 use crate::expr::interval::Interval;
-use crate::expr::tape::{Input, Prim, Tape};
+use crate::expr::tape::{Input, Prim, Side, Tape};
 
 /// Invocations per workgroup.
 const WORKGROUP: usize = 64;
@@ -35,7 +35,7 @@ pub(super) fn evaluate(
     inputs: &[&[f32]],
 ) -> Result<Vec<Vec<f32>>, GpuError> {
     let Statements { lines, results } = statements(tape, dialect, |input| match input {
-        Input::PerPixel(k) => format!("inputs[{k}u * params.count + n]"),
+        Input::PerPixel(k, _) => format!("inputs[{k}u * params.count + n]"),
         Input::Plane(..) | Input::Offset(_) | Input::PerTap(_) => {
             unreachable!("elementwise tapes read PerPixel values")
         }
@@ -117,7 +117,7 @@ fn run(
 /// little, and what drivers do is more, but differs.)
 pub(super) fn probe(device: &Device) -> Result<Arithmetic, GpuError> {
     let mut b = Builder::new(Rules::NONE);
-    let [x, y, z] = [0, 1, 2].map(|k| b.input(Input::PerPixel(k), Interval::ENTIRE));
+    let [x, y, z] = [0, 1, 2].map(|k| b.input(Input::PerPixel(k, Side::I), Interval::ENTIRE));
     let (fma, quotient, root) = (b.fma(x, y, z), b.div(x, y), b.sqrt(x));
     let tape = b.finish(&[fma, quotient, root]);
 

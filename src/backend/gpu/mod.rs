@@ -38,7 +38,7 @@ use std::time::Duration;
 pub use adapter::{Adapter, Kind, adapters, choose};
 pub use error::GpuError;
 
-use super::cpu::Rates;
+use super::cpu::dense_taps;
 use super::shader::{Loads, QUAD, Shader, Style};
 use super::wgsl::{Arithmetic, Dialect, Precision};
 use super::{ACCURACY, Agreement, Backend, BackendError, Executable};
@@ -227,7 +227,7 @@ fn tap_table(plan: &Plan, quads: usize) -> Vec<f32> {
     if quads == 0 {
         return Vec::new();
     }
-    let dense = Rates::new(plan).per_tap();
+    let dense = dense_taps(plan.tap(), plan.support());
     let padded = dense
         .chunks_exact(values)
         .flat_map(|tap| tap.iter().copied().chain(std::iter::repeat_n(0.0, quads * QUAD - values)));

@@ -91,7 +91,7 @@ impl Compiled {
                 && needs.upload().max(needs.back()) <= limits.max_buffer_size
                 && needs.near.max(needs.own).max(needs.result) <= binding
         };
-        let reach = self.plan.window().reach() as usize;
+        let reach = self.plan.support().reach() as usize;
         let mut all = Vec::new();
         for (k, &rect) in region.iter().enumerate() {
             let tiles = tiles(rect, scene.layout(), reach, &fits);
@@ -103,7 +103,7 @@ impl Compiled {
 
     /// What the pixel that needs most of all would need.
     fn too_little_memory(&self, scene: &Scene, rect: Rect) -> GpuError {
-        let extent = 2 * self.plan.window().reach() as usize + 1;
+        let extent = 2 * self.plan.support().reach() as usize + 1;
         let layout = scene.layout();
         let (width, height) = (extent.min(layout.width()), extent.min(layout.height()));
         let rect = Rect { width: 1, height: 1, ..rect };
@@ -153,7 +153,7 @@ impl Compiled {
     /// Rows of a tile that are dispatched together: where they begin, how many.
     fn bands(&self, tile: &Tile) -> Vec<(usize, usize)> {
         let primitives = self.plan.pair().instrs().len().max(1) as u64;
-        let row = tile.rect.width as u64 * self.plan.window().taps() as u64 * primitives;
+        let row = tile.rect.width as u64 * self.plan.support().taps() as u64 * primitives;
         let group = self.loads.workgroup()[1] as usize;
         let rows = usize::try_from(WORK / row).unwrap_or(usize::MAX).min(tile.rect.height);
         let rows = rows.next_multiple_of(group).max(group);

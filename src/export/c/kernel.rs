@@ -21,55 +21,73 @@ static struct {{ name }}_features {{ name }}_read({{ parameters }})
     return features;
 }
 {% endif %}
-/* Filters pixel (x, y): the mean of its window by the weights, summed row by
-   row. Returns 1; or 0 where the weights sum to nothing that can be trusted, and
-   the noisy colour is kept. */
-static int {{ name }}_pixel(const struct {{ name }}_images *images, int x, int y, float rgb[3])
+/* Sums over a window. */
+struct {{ name }}_sums {
+    float color[3];  /* of colours times weights */
+    float total;     /* of weights */
+    {%- if signed %}
+    float magnitude; /* of weights without their signs */
+    {%- endif %}
+};
+
+/* Adds the taps of pixel (x, y) that lie dy rows below it, `count` of them: the
+   first dx columns to its right, each `step` columns from the one before. */
+static void {{ name }}_run(const struct {{ name }}_images *images, int x, int y, int dx, int dy, int count,
+    int step, struct {{ name }}_sums *sums)
 {
-    const int reach = {{ reach }}, step = {{ step }};
-    const size_t here = (size_t)y * (size_t)images->width + (size_t)x;
+    struct {{ name }}_sums run = {0};
     {%- if let Some(at) = at_i %}
+    {%- if at.contains("here") %}
+    const size_t here = (size_t)y * (size_t)images->width + (size_t)x;
+    {%- endif %}
     const struct {{ name }}_features i = {{ name }}_read({{ at }});
     {%- endif %}
-    float sum[3] = {0.0f, 0.0f, 0.0f}; /* of colours times weights */
-    float total = 0.0f;                /* of weights */
-    {%- if signed %}
-    float magnitude = 0.0f;            /* of weights without their signs */
-    {%- endif %}
-    for (int dy = -reach; dy <= reach; dy += step) {
-        float row[3] = {0.0f, 0.0f, 0.0f};
-        float row_total = 0.0f;
-        {%- if signed %}
-        float row_magnitude = 0.0f;
-        {%- endif %}
-        if (y + dy < 0 || y + dy >= images->height)
+    if (y + dy < 0 || y + dy >= images->height)
+        return;
+    for (; count > 0; --count, dx += step) {
+        if (x + dx < 0 || x + dx >= images->width)
             continue;
-        for (int dx = -reach; dx <= reach; dx += step) {
-            if (x + dx < 0 || x + dx >= images->width)
-                continue;
-            const size_t there = (size_t)(y + dy) * (size_t)images->width + (size_t)(x + dx);
-            {%- if let Some(at) = at_j %}
-            const struct {{ name }}_features j = {{ name }}_read({{ at }});
-            {%- endif %}
-            const float w = {{ name }}_weight({{ arguments }});
-            for (int c = 0; c < 3; ++c)
-                row[c] = fmaf(w, images->noisy[c][there], row[c]);
-            row_total += w;
-            {%- if signed %}
-            row_magnitude += fabsf(w);
-            {%- endif %}
-        }
+        const size_t there = (size_t)(y + dy) * (size_t)images->width + (size_t)(x + dx);
+        {%- if let Some(at) = at_j %}
+        const struct {{ name }}_features j = {{ name }}_read({{ at }});
+        {%- endif %}
+        const float w = {{ name }}_weight({{ arguments }});
         for (int c = 0; c < 3; ++c)
-            sum[c] += row[c];
-        total += row_total;
+            run.color[c] = fmaf(w, images->noisy[c][there], run.color[c]);
+        run.total += w;
         {%- if signed %}
-        magnitude += row_magnitude;
+        run.magnitude += fabsf(w);
         {%- endif %}
     }
-    if (fabsf(total) >= {{ least }}
-        {%- if signed %} && fabsf(total) >= {{ share }} * magnitude{% endif %}) {
+    for (int c = 0; c < 3; ++c)
+        sums->color[c] += run.color[c];
+    sums->total += run.total;
+    {%- if signed %}
+    sums->magnitude += run.magnitude;
+    {%- endif %}
+}
+
+/* Filters pixel (x, y): the mean of its window by the weights, summed run by run.
+   The order decides the last bits only: the rows above from the top, each from
+   left to right; what lies right of the pixel, from the far end; the pixel; the
+   rows below, each from right to left; what lies left of it. Returns 1; or 0 where
+   the weights sum to nothing that can be trusted, and the noisy colour is kept. */
+static int {{ name }}_pixel(const struct {{ name }}_images *images, int x, int y, float rgb[3])
+{
+    const int radius = {{ radius }}, step = {{ step }}, reach = radius * step;
+    const size_t here = (size_t)y * (size_t)images->width + (size_t)x;
+    struct {{ name }}_sums sums = {0};
+    for (int dy = -reach; dy < 0; dy += step)
+        {{ name }}_run(images, x, y, -reach, dy, 2 * radius + 1, step, &sums);
+    {{ name }}_run(images, x, y, reach, 0, radius, -step, &sums);
+    {{ name }}_run(images, x, y, 0, 0, 1, step, &sums);
+    for (int dy = step; dy <= reach; dy += step)
+        {{ name }}_run(images, x, y, reach, dy, 2 * radius + 1, -step, &sums);
+    {{ name }}_run(images, x, y, -reach, 0, radius, step, &sums);
+    if (fabsf(sums.total) >= {{ least }}
+        {%- if signed %} && fabsf(sums.total) >= {{ share }} * sums.magnitude{% endif %}) {
         for (int c = 0; c < 3; ++c)
-            rgb[c] = sum[c] / total;
+            rgb[c] = sums.color[c] / sums.total;
         if (isfinite(rgb[0]) && isfinite(rgb[1]) && isfinite(rgb[2]))
             return 1;
     }
@@ -99,7 +117,7 @@ size_t {{ name }}_filter(const struct {{ name }}_images *images, float *const ou
 )]
 struct Kernel<'a> {
     name: &'a str,
-    reach: u32,
+    radius: u32,
     step: u32,
     /// Whether weights may cancel.
     signed: bool,
@@ -119,7 +137,7 @@ struct Kernel<'a> {
 impl Source<'_> {
     /// Equation 1 at one pixel, and over the image.
     pub(super) fn kernel(&self) -> String {
-        let window = self.subject.plan.window();
+        let window = self.subject.plan.support();
         let images = format!("const struct {}_images *images, size_t at", self.name);
         let given = [
             (self.images().next().is_some(), [&*images, "images, here", "images, there"]),
@@ -135,9 +153,8 @@ impl Source<'_> {
         ]);
         let kernel = Kernel {
             name: self.name,
-            reach: window.reach(),
-            // Taps no pixel apart are all the same one.
-            step: window.dilation.max(1),
+            radius: window.radius,
+            step: window.dilation,
             signed: self.subject.plan.signed(),
             least: constant(TRUSTED_SUM),
             share: constant(TRUSTED_SHARE),

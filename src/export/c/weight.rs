@@ -87,7 +87,7 @@ impl Source<'_> {
                 Some(Axis::Y) => "dy".to_owned(),
                 None => unreachable!("what is known per tap are the bare offsets"),
             },
-            Input::PerPixel(_) => unreachable!("the plan was made without rates"),
+            Input::PerPixel(..) => unreachable!("the plan was made without rates"),
         }
     }
 }
@@ -104,7 +104,7 @@ pub(super) fn axis_of(subject: &Subject<'_>, input: Input) -> Option<Axis> {
                 Instr::Const(_) | Instr::Prim(..) => None,
             }
         }
-        Input::Plane(..) | Input::PerPixel(_) => None,
+        Input::Plane(..) | Input::PerPixel(..) => None,
     }
 }
 

@@ -122,7 +122,7 @@ impl Caller<'_> {
 
     /// What the region is, for images that are filtered at once and in parts.
     fn regions(&self) -> String {
-        let reach = self.subject.plan.window().reach();
+        let reach = self.subject.plan.support().reach();
         format!(
             "A whole image is one region: region and size are its width and height, origin and \
              first are 0. A part of an image needs a region with {reach} pixels more on every \

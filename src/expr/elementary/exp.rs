@@ -3,6 +3,7 @@
 use super::{enclosure, horner};
 use crate::expr::builder::{Builder, LIMIT};
 use crate::expr::function::{Budget, Fast, Unary};
+use crate::expr::interval::Interval;
 use crate::expr::tape::{Native, Value};
 
 /// `exp`: e^x, clamped at [`LIMIT`] above; below about -87.3, where e^x is no
@@ -16,6 +17,9 @@ pub const EXP: Unary = Unary {
     meaning: |x| x.min(f64::from(ARGUMENT_MAX)).exp(),
     build: exp,
     range: |x| {
+        if x.hi <= ARGUMENT_MIN {
+            return Interval::point(0.0);
+        }
         enclosure(EXP.budget, (EXP.meaning)(x.lo.into()), (EXP.meaning)(x.hi.into()))
             .clamped(0.0, LIMIT)
     },

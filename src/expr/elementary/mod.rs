@@ -144,7 +144,10 @@ mod tests {
         let primitives = |base: f32| {
             let mut b = Builder::new(Rules::ALL);
             let base = b.constant(base);
-            let y = b.input(super::super::tape::Input::PerPixel(0), everything);
+            let y = b.input(
+                super::super::tape::Input::PerPixel(0, super::super::tape::Side::I),
+                everything,
+            );
             let power = (POW.build)(&mut b, base, y);
             let tape = b.finish(&[power]);
             tape.instrs().iter().filter(|i| !i.operands().is_empty()).count()

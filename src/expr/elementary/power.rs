@@ -73,6 +73,9 @@ const REST: [f32; 2] = [-0.7434, 1.4646];
 const EXP2: [f32; 6] =
     [LN_2, 0.240_226_5, 0.055_503_607, 0.009_618_248, 0.001_339_152_5, 0.000_154_315_89];
 
+/// Below this, 2^-128, the result is 0: the scale 2^-127 is flushed.
+const POWER_MIN: f64 = 2.938_735_877_055_718_8e-39;
+
 /// Bound of the low part of y log2 x. Where the result is neither 0 nor clamped
 /// that part is a thousand times smaller; elsewhere it could be anything.
 const RESIDUE_MAX: f32 = 1.0 / 64.0;
@@ -115,6 +118,11 @@ fn range_of_magnitude(x: Interval, y: Interval) -> Interval {
         .map(|(x, y)| meaning(x.into(), y.into()));
     let lo = corners.into_iter().fold(f64::INFINITY, f64::min);
     let hi = corners.into_iter().fold(0.0, f64::max);
+    // These are made without a logarithm, and are not flushed.
+    let products = [1.0, 2.0, 3.0, 4.0].iter().any(|&exponent| y.contains(exponent));
+    if hi < POWER_MIN && !products {
+        return Interval::point(0.0);
+    }
     enclosure(POW.budget, lo, hi).clamped(0.0, LIMIT)
 }
 

@@ -9,7 +9,7 @@
 use super::super::builder::{Builder, LIMIT, Rules};
 use super::super::function::{Binary, Budget, Unary, ulp};
 use super::super::interval::Interval;
-use super::super::tape::{Input, Instr, Prim, Tape, Value};
+use super::super::tape::{Input, Instr, Prim, Side, Tape, Value};
 
 /// Lanes evaluated together.
 const LANES: usize = 512;
@@ -97,7 +97,7 @@ pub(in crate::expr) fn check_pairs(f: Binary, pair: impl Fn(&mut Random) -> (f32
             let tapes = [Rules::NONE, Rules::ALL].map(|rules| {
                 let mut b = Builder::new(rules);
                 let constant = b.constant(c);
-                let free = b.input(Input::PerPixel(u32::from(first)), EVERYTHING);
+                let free = b.input(Input::PerPixel(u32::from(first), Side::I), EVERYTHING);
                 let (x, y) = if first { (constant, free) } else { (free, constant) };
                 let result = (f.build)(&mut b, x, y);
                 b.finish(&[result])
@@ -130,7 +130,7 @@ fn known(single: Option<f32>) -> Interval {
 
 fn unary_tape(f: Unary, rules: Rules, interval: Interval) -> Tape {
     let mut b = Builder::new(rules);
-    let x = b.input(Input::PerPixel(0), interval);
+    let x = b.input(Input::PerPixel(0, Side::I), interval);
     let result = (f.build)(&mut b, x);
     b.finish(&[result])
 }
@@ -139,7 +139,7 @@ fn binary_tape(f: Binary, rules: Rules, intervals: [Interval; 2]) -> Tape {
     let mut b = Builder::new(rules);
     let operand = |b: &mut Builder, k: usize| match intervals[k].single() {
         Some(c) => b.constant(c),
-        None => b.input(Input::PerPixel(k as u32), intervals[k]),
+        None => b.input(Input::PerPixel(k as u32, Side::I), intervals[k]),
     };
     let (x, y) = (operand(&mut b, 0), operand(&mut b, 1));
     let result = (f.build)(&mut b, x, y);
@@ -251,7 +251,7 @@ impl Lanes {
             let (earlier, later) = self.rows.split_at_mut(k);
             match *instr {
                 Instr::Const(_) => {}
-                Instr::Input(Input::PerPixel(which)) => later[0] = *inputs[which as usize],
+                Instr::Input(Input::PerPixel(which, _)) => later[0] = *inputs[which as usize],
                 Instr::Input(_) => unreachable!("the suite's tapes read PerPixel values only"),
                 Instr::Prim(prim, args) => apply(prim, earlier, args, &mut later[0]),
             }

@@ -1,0 +1,41 @@
+//! Whether computing a pair of pixels once, for both of its ends, pays.
+//!
+//! A weight that is a function of distances is the same both ways, and then half
+//! of the work is saved; one that also looks at the variance of pixel i shares
+//! its distances with its mirror image. What that costs is memory: every tap adds
+//! to the sums of pixel j, which are no longer in registers.
+
+use super::rate::Tapes;
+use crate::expr::tape::{Instr, Prim, Tape};
+
+/// Channels that a weight is summed with.
+const CHANNELS: usize = 4;
+
+/// What adding a weight to a channel costs: a load and a fused multiply-add.
+const ADD: usize = 2;
+
+/// What adding it to the sums of pixel j costs: two loads, a fused multiply-add
+/// and a store.
+const ADD_MIRRORED: usize = 4;
+
+/// Whether the mirrored tapes, run for half of the taps, are clearly cheaper.
+pub(super) fn pays(plain: &Tapes, mirrored: &Tapes) -> bool {
+    let sums = CHANNELS * plain.pair.results().len();
+    let both_ways = 2 * (cost(&plain.pair) + sums * ADD);
+    let at_once = cost(&mirrored.pair) + sums * (ADD + ADD_MIRRORED);
+    // Rows above a strip are computed for what they owe to it alone.
+    at_once * 10 < both_ways * 9
+}
+
+/// Roughly the instructions that one pair takes.
+fn cost(tape: &Tape) -> usize {
+    let cost = |instr: &Instr| match instr {
+        Instr::Const(_) => 0,
+        Instr::Input(_) => 1,
+        Instr::Prim(Prim::Div | Prim::Sqrt, _) => 4,
+        Instr::Prim(Prim::Exp2i | Prim::Mantissa, _) => 2,
+        Instr::Prim(Prim::Exponent, _) => 4,
+        Instr::Prim(..) => 1,
+    };
+    tape.instrs().iter().map(cost).sum()
+}
