@@ -12,6 +12,7 @@
 
 mod apply;
 mod backend;
+mod bench;
 mod compare;
 mod denoise;
 mod error;
@@ -82,6 +83,8 @@ enum Command {
     Compare(compare::Compare),
     /// Measure filters on scenes: one table
     Score(score::Score),
+    /// Measure run time against error: a table, a chart and JSON
+    Bench(bench::Bench),
     /// Draw a scene noisy, filtered and clean, side by side
     Sheet(sheet::Sheet),
     /// List a file's channels, what they feed, and what is wrong with them
@@ -104,6 +107,7 @@ impl Command {
             Self::Evolve(command) => command.run(log),
             Self::Compare(command) => command.run(),
             Self::Score(command) => command.run(log),
+            Self::Bench(command) => command.run(log),
             Self::Sheet(command) => command.run(log),
             Self::Inspect(command) => command.run(),
             Self::Filters(command) => command.run(),
