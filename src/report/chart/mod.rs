@@ -280,7 +280,8 @@ fn outline(k: usize, x: f64, y: f64) -> String {
         4 => closed(&[(0.0, 1.2), (1.1, -0.8), (-1.1, -0.8)]),
         _ => {
             let star = |k: usize| {
-                let (length, angle) = (if k % 2 == 0 { 1.5 } else { 0.6 }, k as f64 * 0.2 * PI);
+                let (length, angle) =
+                    (if k.is_multiple_of(2) { 1.5 } else { 0.6 }, k as f64 * 0.2 * PI);
                 (length * angle.sin(), -length * angle.cos())
             };
             closed(&(0..10).map(star).collect::<Vec<_>>())
