@@ -65,7 +65,7 @@ mod tests {
         let bytes = write(3, 2, &image);
         assert_eq!(read(&bytes, 3, 2), Ok(image));
         // The bottom row comes first: pixel 3 is red 3, green 13, blue 23.
-        assert_eq!(bytes[14..18], 3.0f32.to_le_bytes());
+        assert_eq!(bytes[12..16], 3.0f32.to_le_bytes());
         assert!(read(&bytes, 2, 3).unwrap_err().contains("3x2"));
         assert!(read(&bytes[..bytes.len() - 1], 3, 2).unwrap_err().contains("too early"));
     }

@@ -1,8 +1,8 @@
 //! A logarithmic axis: where values stand, and which are written beside it.
 
 /// The least share of a decade that an axis shows, so that equal values have a
-/// place too.
-const LEAST: f64 = 0.3;
+/// place too, and some round value is among what is shown.
+const LEAST: f64 = 0.5;
 /// Room at both ends, as a share of the axis.
 const MARGIN: f64 = 0.06;
 /// Decades from which only powers of ten are written.
