@@ -36,6 +36,7 @@ mod shipped;
 use std::io::{self, Write};
 use std::num::NonZeroUsize;
 use std::process::ExitCode;
+use std::time::Instant;
 
 use clap::{Parser, Subcommand};
 
@@ -101,9 +102,9 @@ enum Command {
 
 impl Command {
     /// Does the work and returns what it found out.
-    fn run(&self, log: Log) -> Result<Vec<u8>, Error> {
+    fn run(&self, log: Log, started: Instant) -> Result<Vec<u8>, Error> {
         let text = match self {
-            Self::Denoise(command) => command.run(log),
+            Self::Denoise(command) => command.run(log, started),
             Self::Evolve(command) => command.run(log),
             Self::Compare(command) => command.run(),
             Self::Score(command) => command.run(log),
@@ -121,9 +122,10 @@ impl Command {
 
 /// Runs the program on the process' arguments.
 pub fn main() -> ExitCode {
+    let started = Instant::now();
     let line = CommandLine::parse();
     let log = Log::new(line.quiet);
-    match set_threads(line.threads).and_then(|()| line.command.run(log)).and_then(print) {
+    match set_threads(line.threads).and_then(|()| line.command.run(log, started)).and_then(print) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             log.error(&error);
