@@ -100,6 +100,26 @@ pub(super) enum Error {
     /// A filter could not be exported.
     #[error(transparent)]
     Export(#[from] ExportError),
+    /// A program that an option names is not there.
+    #[error("{option} {program}: it cannot be started: {source}; name a program that can")]
+    NoProgram {
+        /// The option.
+        option: &'static str,
+        /// The program.
+        program: String,
+        /// Why not.
+        source: io::Error,
+    },
+    /// A program failed.
+    #[error("{program} {doing}: {reason}")]
+    Program {
+        /// The program.
+        program: String,
+        /// At what.
+        doing: &'static str,
+        /// How it ended, and what it said.
+        reason: String,
+    },
     /// The folder for results cannot be made.
     #[error("{path}: cannot make the folder: {source}; choose another with {option}")]
     Folder {
@@ -152,6 +172,8 @@ impl Error {
             | Self::MissingInputs { .. }
             | Self::Frames { .. }
             | Self::Export(_)
+            | Self::NoProgram { .. }
+            | Self::Program { .. }
             | Self::Folder { .. }
             | Self::Signal(_)
             | Self::Threads { .. }

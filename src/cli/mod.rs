@@ -12,6 +12,7 @@
 
 mod apply;
 mod backend;
+mod bench;
 mod compare;
 mod denoise;
 mod error;
@@ -35,6 +36,7 @@ mod shipped;
 use std::io::{self, Write};
 use std::num::NonZeroUsize;
 use std::process::ExitCode;
+use std::time::Instant;
 
 use clap::{Parser, Subcommand};
 
@@ -82,6 +84,8 @@ enum Command {
     Compare(compare::Compare),
     /// Measure filters on scenes: one table
     Score(score::Score),
+    /// Measure run time against error: a table, a chart and JSON
+    Bench(bench::Bench),
     /// Draw a scene noisy, filtered and clean, side by side
     Sheet(sheet::Sheet),
     /// List a file's channels, what they feed, and what is wrong with them
@@ -98,12 +102,13 @@ enum Command {
 
 impl Command {
     /// Does the work and returns what it found out.
-    fn run(&self, log: Log) -> Result<Vec<u8>, Error> {
+    fn run(&self, log: Log, started: Instant) -> Result<Vec<u8>, Error> {
         let text = match self {
-            Self::Denoise(command) => command.run(log),
+            Self::Denoise(command) => command.run(log, started),
             Self::Evolve(command) => command.run(log),
             Self::Compare(command) => command.run(),
             Self::Score(command) => command.run(log),
+            Self::Bench(command) => command.run(log),
             Self::Sheet(command) => command.run(log),
             Self::Inspect(command) => command.run(),
             Self::Filters(command) => command.run(),
@@ -117,9 +122,10 @@ impl Command {
 
 /// Runs the program on the process' arguments.
 pub fn main() -> ExitCode {
+    let started = Instant::now();
     let line = CommandLine::parse();
     let log = Log::new(line.quiet);
-    match set_threads(line.threads).and_then(|()| line.command.run(log)).and_then(print) {
+    match set_threads(line.threads).and_then(|()| line.command.run(log, started)).and_then(print) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             log.error(&error);

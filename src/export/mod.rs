@@ -33,6 +33,7 @@ mod term;
 pub use language::{Language, Shading};
 
 use crate::backend::Precision;
+use crate::expr::feature::{Feature, Quantity};
 use crate::expr::tree::Tree;
 use crate::plan::{Filter, Passes, Plan, PlanError, Source, Stage};
 use crate::scene::Facts;
@@ -101,6 +102,32 @@ struct Subject<'a> {
     plan: Plan,
 }
 
+impl<'a> Subject<'a> {
+    fn of(filter: &'a Filter) -> Result<Self, ExportError> {
+        let name = filter.name.as_str();
+        let [Stage { weight, window, source: Source::Color }] = filter.stages.as_slice() else {
+            let stages = filter.stages.len();
+            return Err(ExportError::Stages { filter: name.to_owned(), stages });
+        };
+        // In one piece: a compiler moves what does not depend on the pair itself.
+        let passes = Passes { rate: false, symmetry: false, ..Passes::ALL };
+        let plan = Plan::new(std::slice::from_ref(weight), *window, &Facts::of_any_scene(), passes)
+            .map_err(|source| ExportError::Plan { filter: name.to_owned(), source })?;
+        Ok(Self { name, identifier: identifier::of(name), weight, plan })
+    }
+}
+
+/// The images that a filter's exported kernel takes beside the noisy colour. Code
+/// calls them by [`Feature::identifier`].
+///
+/// # Errors
+/// If the filter cannot be exported.
+pub fn images(filter: &Filter) -> Result<Vec<(Feature, Quantity)>, ExportError> {
+    let subject = Subject::of(filter)?;
+    let terms = term::Term::of(&subject.plan).into_iter().filter(|term| term.is_image());
+    Ok(terms.map(|term| (term.feature, term.quantity)).collect())
+}
+
 /// Exports a filter. The result is text in UTF-8 unless the language is binary.
 /// Only shading languages can be less than exact.
 ///
@@ -112,15 +139,7 @@ pub fn export(
     language: Language,
     precision: Precision,
 ) -> Result<Vec<u8>, ExportError> {
-    let name = filter.name.as_str();
-    let [Stage { weight, window, source: Source::Color }] = filter.stages.as_slice() else {
-        return Err(ExportError::Stages { filter: name.to_owned(), stages: filter.stages.len() });
-    };
-    // In one piece: a compiler moves what does not depend on the pair itself.
-    let passes = Passes { rate: false, symmetry: false, ..Passes::ALL };
-    let plan = Plan::new(std::slice::from_ref(weight), *window, &Facts::of_any_scene(), passes)
-        .map_err(|source| ExportError::Plan { filter: name.to_owned(), source })?;
-    let subject = Subject { name, identifier: identifier::of(name), weight, plan };
+    let subject = Subject::of(filter)?;
     match (language, precision) {
         (Language::C, Precision::Exact) => Ok(c::text(&subject).into_bytes()),
         (Language::Latex, Precision::Exact) => Ok(latex::text(&subject).into_bytes()),
@@ -130,7 +149,7 @@ pub fn export(
         #[cfg(feature = "gpu")]
         (Language::Shading(shading), precision) => shading::bytes(&subject, shading, precision)
             .map_err(|reason| ExportError::Refused {
-                filter: name.to_owned(),
+                filter: filter.name.clone(),
                 language: language.name(),
                 reason,
             }),

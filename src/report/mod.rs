@@ -5,12 +5,15 @@
 //! that a figure reads the same in a table, a log line and a page.
 
 pub mod caption;
+pub mod chart;
 pub mod number;
 pub mod picture;
 pub mod score;
 pub mod sheet;
 pub mod table;
+pub mod tradeoff;
 
 pub use picture::Picture;
 pub use score::{Measured, Score, ScoreTable, Total};
 pub use table::{Align, Format, Table};
+pub use tradeoff::{Entry, Ground, Outcome, Tradeoff};

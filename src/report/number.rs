@@ -57,6 +57,30 @@ pub fn clock(time: Duration) -> String {
     if h > 0 { format!("{h}:{m:02}:{s:02}") } else { format!("{m}:{s:02}") }
 }
 
+/// Milliseconds, in a column of which the unit is said: three digits.
+pub fn milliseconds(ms: f64) -> String {
+    match ms.abs() {
+        ..0.9995 => format!("{ms:.3}"),
+        ..9.995 => format!("{ms:.2}"),
+        ..99.95 => format!("{ms:.1}"),
+        _ => format!("{ms:.0}"),
+    }
+}
+
+/// A relative difference of results that should be equal but for rounding.
+pub fn difference(x: f64) -> String {
+    format!("{x:.1e}")
+}
+
+/// A round value beside an axis.
+pub fn tick(x: f64) -> String {
+    match x {
+        1e3..1e6 => count(x as usize),
+        1e-4..1e3 => format!("{x:.6}").trim_end_matches('0').trim_end_matches('.').to_owned(),
+        _ => format!("{x:e}"),
+    }
+}
+
 /// A count, its digits in groups of three.
 pub fn count(n: usize) -> String {
     let digits = n.to_string();
@@ -100,6 +124,12 @@ mod tests {
         assert_eq!(duration(Duration::from_millis(1500)), "1.50 s");
         assert_eq!(duration(Duration::from_micros(90)), "90 µs");
         assert_eq!(clock(Duration::from_secs(3723)), "1:02:03");
+        assert_eq!(
+            [0.0123, 1.0, 9.999, 99.96, 1234.5].map(milliseconds),
+            ["0.012", "1.00", "10.0", "100", "1234"]
+        );
+        assert_eq!(difference(4.66e-7), "4.7e-7");
+        assert_eq!([1e-5, 0.02, 1.0, 300.0, 2e4].map(tick), ["1e-5", "0.02", "1", "300", "20,000"]);
         assert_eq!([7, 1000, 1_234_567].map(count), ["7", "1,000", "1,234,567"]);
         assert_eq!(plural(1, "pixel") + &plural(2, " row"), "1 pixel2  rows");
     }

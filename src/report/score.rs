@@ -60,7 +60,7 @@ impl Total {
         }
     }
 
-    fn of(self, values: impl Iterator<Item = f64> + Clone) -> f64 {
+    pub(super) fn of(self, values: impl Iterator<Item = f64> + Clone) -> f64 {
         match self {
             Self::Sum => values.sum(),
             Self::GeometricMean => {

@@ -49,9 +49,12 @@ impl RawScene {
                 PlaneId { feature: Feature::Color, quantity: Quantity::Value, component: 0 },
             ));
         };
-        let color = [r, g, b].map(|channel| Samples::new(layout, channel, Edge::Zero));
-        let ones = Samples::new(layout, &vec![1.0; layout.pixels()], Edge::Zero);
-        let (scales, hit) = self.scales(options.color_scale);
+        let summed = || {
+            let color = [r, g, b].map(|channel| Samples::new(layout, channel, Edge::Zero));
+            (color, Samples::new(layout, &vec![1.0; layout.pixels()], Edge::Zero))
+        };
+        let ((color, ones), (scales, hit)) =
+            rayon::join(summed, || self.scales(options.color_scale));
 
         let made: Vec<Made> = Feature::ALL
             .into_par_iter()
@@ -102,9 +105,13 @@ impl RawScene {
     }
 
     fn repair(&mut self, repair: Repair) -> Result<(), SceneError> {
-        for (&(feature, quantity), components) in &mut self.features {
-            for (k, samples) in components.iter_mut().enumerate() {
-                let Some(bad) = repair::find(samples) else { continue };
+        let search = |components: &Vec<Vec<f32>>| -> Vec<_> {
+            components.par_iter().map(|samples| repair::find(samples)).collect()
+        };
+        let found: Vec<Vec<_>> = self.features.par_iter().map(|(_, all)| search(all)).collect();
+        for ((&(feature, quantity), components), found) in self.features.iter_mut().zip(found) {
+            for (k, (samples, bad)) in components.iter_mut().zip(found).enumerate() {
+                let Some(bad) = bad else { continue };
                 let channel = self.origin.channel(feature, quantity, k);
                 let count = bad.count;
                 match repair {
@@ -130,10 +137,16 @@ impl RawScene {
     /// The scales, and which pixels hit something (empty without positions).
     fn scales(&self, color_scale: ColorScale) -> (Normalization, Vec<bool>) {
         let color = self.components(Feature::Color, Quantity::Value).unwrap_or_default();
-        let exposure = match color {
+        let exposure = || match color {
             [r, g, b] => exposure([r, g, b]),
             _ => 1.0,
         };
+        let (exposure, (center, extent, hit)) = rayon::join(exposure, || self.geometry());
+        (Normalization { exposure, color_scale, center, extent }, hit)
+    }
+
+    /// Centre and extent, and which pixels hit something.
+    fn geometry(&self) -> (Option<[f32; 3]>, Option<f32>, Vec<bool>) {
         let depth = self.components(Feature::Depth, Quantity::Value);
         let (mut center, mut extent, mut hit) = (None, None, Vec::new());
         if let Some(position) = self.components(Feature::WorldPosition, Quantity::Value) {
@@ -147,7 +160,7 @@ impl RawScene {
         } else if let Some([depth]) = depth {
             extent = Some(depth_extent(depth));
         }
-        (Normalization { exposure, color_scale, center, extent }, hit)
+        (center, extent, hit)
     }
 }
 

@@ -74,7 +74,7 @@ pub(super) struct Denoise {
 }
 
 impl Denoise {
-    pub(super) fn run(&self, log: Log) -> Result<String, Error> {
+    pub(super) fn run(&self, log: Log, started: Instant) -> Result<String, Error> {
         let files = Files::of(&self.inputs, &self.output, self.format)?;
         let filter = resolve(&self.filter, self.running.radius)?;
         stage(&filter)?;
@@ -87,7 +87,7 @@ impl Denoise {
             form: files.form(),
         };
 
-        let start = Instant::now();
+        let start = started.elapsed();
         let several = files.len() > 1;
         let progress = Progress::new(log, files.len());
         let mut timings = Vec::with_capacity(files.len());
@@ -123,8 +123,8 @@ impl Denoise {
         );
         progress.finish();
         run?;
-        if self.timings && several && !timings.is_empty() {
-            log.say(timings::summary(&timings, start.elapsed()));
+        if self.timings && !timings.is_empty() {
+            log.say(timings::summary(&timings, start, started.elapsed()));
         }
         match files.len() - timings.len() {
             0 => Ok(String::new()),

@@ -52,18 +52,27 @@ impl fmt::Display for Timings {
     }
 }
 
-/// The last line about several frames that took `wall` together. Steps of
-/// different frames overlap: the steps' sum says how much. It is no measure of
-/// work, as a step that waits for another's threads counts the time.
-pub(super) fn summary(frames: &[Timings], wall: Duration) -> String {
+/// The last line about frames that took `wall` together, of which `start` passed
+/// before the first was opened: the command line was read, and the back end opened.
+/// Steps of different frames overlap: the steps' sum says how much. It is no
+/// measure of work, as a step that waits for another's threads counts the time.
+pub(super) fn summary(frames: &[Timings], start: Duration, wall: Duration) -> String {
     let all: Timings = frames.iter().copied().sum();
-    format!(
-        "{} in {}, {:.1} ms per frame; the steps add up to {}: {all}",
+    let ratio = wall.as_secs_f64() / all.filter.as_secs_f64();
+    let together = format!(
+        "{} in {}, start {} of it: {ratio:.2} times the filtering",
         number::plural(frames.len(), "frame"),
         number::duration(wall),
-        wall.as_secs_f64() * 1e3 / frames.len() as f64,
-        number::duration(all.sum()),
-    )
+        number::duration(start),
+    );
+    match frames {
+        [_] => together,
+        _ => format!(
+            "{together}; {:.1} ms per frame; the steps add up to {}: {all}",
+            wall.as_secs_f64() * 1e3 / frames.len() as f64,
+            number::duration(all.sum()),
+        ),
+    }
 }
 
 #[cfg(test)]
@@ -74,9 +83,12 @@ mod tests {
     fn the_summary_adds_up() {
         let second = Duration::from_secs(1);
         let frame = Timings { load: second, filter: 2 * second, pairs: 1000, ..Timings::default() };
-        let text = summary(&[frame, frame], 4 * second);
-        assert!(text.starts_with("2 frames in 4.00 s, 2000.0 ms per frame"), "{text}");
+        let text = summary(&[frame, frame], second / 2, 4 * second);
+        assert!(text.starts_with("2 frames in 4.00 s, start 500.0 ms of it: 1.00 times"), "{text}");
+        assert!(text.contains("2000.0 ms per frame"), "{text}");
         assert!(text.contains("add up to 6.00 s: load 2.00 s, plan"), "{text}");
         assert!(text.contains("filter 4.00 s (2000000.00 ns per pixel pair)"), "{text}");
+        let text = summary(&[frame], second, 4 * second);
+        assert_eq!(text, "1 frame in 4.00 s, start 1.00 s of it: 2.00 times the filtering");
     }
 }

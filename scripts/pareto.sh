@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# Makes the README's section "Time against error": the chart docs/pareto.svg and the
+# table out/bench/table.md, in one run on the test scenes.
+#
+#   scripts/pareto.sh [ARGUMENTS of `tamis bench`...]
+#
+# clang and gcc take part if they are installed, and Open Image Denoise if its
+# `oidnDenoise` is on the PATH or named with --oidn.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+cargo build --release
+compilers=()
+for compiler in clang gcc; do
+    if command -v "$compiler" > /dev/null; then compilers+=("$compiler"); fi
+done
+if ((${#compilers[@]})); then set -- --cc "${compilers[@]}" "$@"; fi
+target/release/tamis bench "$@"
+cp out/bench/pareto.svg docs/pareto.svg

@@ -1,0 +1,146 @@
+//! The program's own back ends as contestants.
+
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use clap::ValueEnum;
+
+use super::contest::{Contestant, Course, Lap, Runner};
+use crate::backend::{Backend, Executable, Filtered, Rect};
+use crate::cli::apply::{needs, stage};
+use crate::cli::backend::Processor;
+use crate::cli::error::Error;
+use crate::plan::{Filter, Passes, Plan};
+use crate::scene::Image;
+
+/// Which back ends take part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Choice {
+    /// Machine code, compiled for this processor
+    Jit,
+    /// The interpreter: the same bits, more slowly
+    Interp,
+    /// A shader on the GPU, in both precisions
+    Gpu,
+}
+
+/// A back end with what the table calls it.
+pub(super) struct Engine {
+    pub(super) name: String,
+    backend: Box<dyn Backend>,
+    /// Whether the first pixels cost more than the others.
+    lazy: bool,
+}
+
+impl Choice {
+    /// All that run on the processor.
+    pub(super) fn processors() -> Vec<Self> {
+        match Processor::DEFAULT {
+            Processor::Jit => vec![Self::Jit, Self::Interp],
+            Processor::Interp => vec![Self::Interp],
+        }
+    }
+
+    /// Opens it, once for each of its precisions.
+    pub(super) fn open(self, gpu: Option<&str>) -> Result<Vec<Engine>, Error> {
+        let on_processor = |processor: Processor| {
+            let backend = processor.open()?;
+            let name = backend.name().to_owned();
+            Ok(vec![Engine { name, backend, lazy: false }])
+        };
+        match self {
+            Self::Jit => on_processor(Processor::Jit),
+            Self::Interp => on_processor(Processor::Interp),
+            Self::Gpu => on_gpu(gpu),
+        }
+    }
+}
+
+#[cfg(feature = "gpu")]
+fn on_gpu(gpu: Option<&str>) -> Result<Vec<Engine>, Error> {
+    use crate::backend::{Gpu, Precision, gpu::Options};
+
+    let opened = Precision::ALL.map(|precision| {
+        let adapter = gpu.map(str::to_owned);
+        let backend = Gpu::open(&Options { adapter, precision, ..Options::default() })?;
+        let name = format!("{} {}", backend.name(), precision.name());
+        // Drivers compile when a shader is first dispatched.
+        Ok(Engine { name, backend: Box::new(backend), lazy: true })
+    });
+    opened.into_iter().collect()
+}
+
+#[cfg(not(feature = "gpu"))]
+fn on_gpu(_: Option<&str>) -> Result<Vec<Engine>, Error> {
+    Err(Error::NoGpu)
+}
+
+/// A filter on a back end.
+pub(super) struct OnEngine {
+    pub(super) engine: Rc<Engine>,
+    pub(super) filter: Filter,
+}
+
+struct Compiled<'a> {
+    filter: &'a Filter,
+    course: &'a Course,
+    code: Box<dyn Executable>,
+    compile: Duration,
+    filtered: Filtered,
+}
+
+impl Contestant for OnEngine {
+    fn enter<'a>(&'a self, course: &'a Course) -> Result<Box<dyn Runner + 'a>, Error> {
+        let stage = stage(&self.filter)?;
+        course.scene.require(&needs(&self.filter))?;
+        let name = || (course.scene.name().to_owned(), self.filter.name.clone());
+        let start = Instant::now();
+        let weights = std::slice::from_ref(&stage.weight);
+        let plan =
+            Plan::new(weights, stage.window, &course.facts, Passes::ALL).map_err(|source| {
+                let (scene, filter) = name();
+                Error::Plan { scene, filter, source }
+            })?;
+        let failed = |source| {
+            let (scene, filter) = name();
+            Error::Run { scene, filter, source }
+        };
+        let code = self.engine.backend.compile(&plan).map_err(failed)?;
+        if self.engine.lazy {
+            let Rect { width, height, .. } = Rect::whole(&course.scene);
+            let corner = Rect { x: 0, y: 0, width: width.min(8), height: height.min(8) };
+            code.run(&course.scene, &[corner]).map_err(failed)?;
+        }
+        let compile = start.elapsed();
+        let filtered = Filtered::default();
+        Ok(Box::new(Compiled { filter: &self.filter, course, code, compile, filtered }))
+    }
+}
+
+impl Runner for Compiled<'_> {
+    fn run(&mut self) -> Result<Lap, Error> {
+        let scene = &self.course.scene;
+        let start = Instant::now();
+        let filtered = self.code.run(scene, &[Rect::whole(scene)]);
+        let time = start.elapsed();
+        let filtered = filtered.map_err(|source| Error::Run {
+            scene: scene.name().to_owned(),
+            filter: self.filter.name.clone(),
+            source,
+        })?;
+        self.filtered = filtered.into_iter().next().expect("one result for one weight");
+        Ok(Lap { time, process: None })
+    }
+
+    fn result(&mut self) -> Result<Image, Error> {
+        let Rect { width, height, .. } = Rect::whole(&self.course.scene);
+        let pixels = &self.filtered.pixels;
+        let rgb = [0, 1, 2].map(|channel| pixels.iter().map(|c| c[channel]).collect());
+        let image = Image::new(self.course.scene.name(), width, height, rgb);
+        Ok(image.expect("one colour per pixel of the last run"))
+    }
+
+    fn compile(&self) -> Option<Duration> {
+        Some(self.compile)
+    }
+}
