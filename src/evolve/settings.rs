@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::Error;
+use super::images;
 use crate::expr::Tree;
 
 /// The parameters of a search. Together with the fitness they determine its
@@ -59,6 +60,9 @@ pub struct Settings {
     /// Most expressions that the fitness gets at once. Between batches the
     /// search looks whether it is to stop; no result depends on it.
     pub batch: usize,
+    /// Most expressions that are compiled into one program, in which they share
+    /// what they have in common; 1 for each its own. No result depends on it.
+    pub together: usize,
 }
 
 /// Relative frequencies of the kinds of mutation (Section 4.2: the paper's four
@@ -130,6 +134,7 @@ impl Preset {
             share: 1.0,
             finalists: 16,
             batch: 64,
+            together: images::TOGETHER,
         };
         match self {
             Self::Paper => paper,
@@ -178,6 +183,7 @@ impl Settings {
         at_least("tournament", self.tournament, 1, "somebody has to enter the tournament")?;
         at_least("finalists", self.finalists, 1, "somebody has to be judged in full")?;
         at_least("batch", self.batch, 1, "the fitness has to be given something")?;
+        at_least("together", self.together, 1, "a program computes at least one expression")?;
         at_least("max_nodes", self.max_nodes, 1, "a tree has at least one node")?;
         at_least("max_depth", self.max_depth, 1, "a tree has at least one level")?;
         at_least(

@@ -121,7 +121,8 @@ impl Evolve {
         }
         let window = Window::dense(settings.radius);
         let coverage = Coverage::of(&settings);
-        let fitness = ImageFitness::new(training, window, coverage, &*backend);
+        let fitness = ImageFitness::new(training, window, coverage, &*backend)
+            .together(settings.together);
         let mut search = match checkpoint {
             Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), &fitness)?,
             None => Search::new(settings.clone(), &fitness)?,

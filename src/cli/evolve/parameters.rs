@@ -81,6 +81,8 @@ const PARAMETERS: &[Parameter] = parameters! {
         "Best expressions judged on all pixels at the end";
     "batch" "N" batch:
         "Expressions judged at once; no result depends on it";
+    "together" "N" together:
+        "Expressions compiled into one program, which computes once what they share; no result depends on it";
 };
 
 /// The one parameter that a resumed search may change.
