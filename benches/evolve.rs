@@ -3,7 +3,12 @@
 //! ```text
 //! cargo bench --bench evolve                      # individuals and pixel pairs per second
 //! cargo bench --bench evolve -- together          # how many expressions to compile into one program
+//! cargo bench --bench evolve -- racing --seeds 10 # what racing saves, and whether it costs quality
+//! cargo bench --bench evolve -- generation        # generations of the paper's size; minutes each
 //! ```
+//!
+//! `racing` takes `--share`, `--radius`, `--rungs`, `--bar` and `--deviations` as `tamis evolve` does,
+//! `generation` takes `--count`.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -12,7 +17,8 @@ use std::time::Instant;
 use tamis::backend::{Backend, Interpreter, Jit};
 use tamis::evolve::images::TOGETHER;
 use tamis::evolve::{
-    Control, Coverage, Fitness, ImageFitness, Preset, Search, Settings, TrainingScene,
+    Control, Coverage, Event, Fitness, ImageFitness, Outcome, Preset, Racing, Search, Settings,
+    TrainingScene,
 };
 use tamis::expr::Tree;
 use tamis::plan::{Passes, Window};
@@ -168,13 +174,160 @@ fn together(trees: &[Tree], extent: &Extent) {
     rates(&ways, trees, extent);
 }
 
+/// A whole search, which the listener hears of with the time; how long it took.
+fn breed(settings: &Settings, listener: &mut dyn FnMut(f64, Event<'_>)) -> (Outcome, f64) {
+    let way = Way::jit("", Chains::Four, Passes::ALL, settings.together);
+    let fitness = fitness(&way, settings.radius, Coverage::of(settings))
+        .racing(&settings.racing, settings.seed);
+    let mut search = Search::new(settings.clone(), &fitness).expect("settings that make sense");
+    let start = Instant::now();
+    let mut listener = |event: Event<'_>| listener(start.elapsed().as_secs_f64(), event);
+    let outcome = search.run(&Control::default(), &mut listener).expect("judging cannot fail");
+    (outcome, start.elapsed().as_secs_f64())
+}
+
+/// Mean and standard error.
+fn spread(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|x| (x - mean).powi(2)).sum();
+    (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
+}
+
+/// Small searches with and without races, seed by seed.
+fn racing(options: &Options, extent: &Extent) {
+    let small = Settings {
+        islands: 2,
+        island_size: 30,
+        generations: 12.min(extent.generations),
+        radius: options.number("--radius", 3.0) as u32,
+        share: options.number("--share", if extent.rounds > 1 { 1.0 } else { extent.share }),
+        ..Preset::Paper.settings()
+    };
+    let racing = Racing {
+        on: true,
+        rungs: options.list("--rungs").unwrap_or(small.racing.rungs.clone()),
+        bar: options.number("--bar", small.racing.bar),
+        deviations: options.number("--deviations", small.racing.deviations),
+    };
+    let seeds = options.number("--seeds", if extent.rounds > 1 { 10.0 } else { 1.0 }) as u64;
+    println!(
+        "{} x {} expressions, {} generations, {} of the pixels, radius {}; {racing:?}",
+        small.islands, small.island_size, small.generations, small.share, small.radius
+    );
+    println!(
+        "{:>4} {:>12} {:>12} {:>10} {:>8} {:>8} {:>10} {:>10}",
+        "seed", "all in full", "racing", "log ratio", "pairs", "dropped", "time, s", "racing, s"
+    );
+    let (mut ratios, mut shares, mut times) = (Vec::new(), Vec::new(), Vec::new());
+    for seed in 1..=seeds {
+        let mut settings = Settings { seed, ..small.clone() };
+        settings.racing.on = false;
+        let (thorough, slow) = breed(&settings, &mut |_, _| {});
+        settings.racing = racing.clone();
+        let (raced, fast) = breed(&settings, &mut |_, _| {});
+        let [thorough_error, raced_error] = [&thorough, &raced].map(|o| o.best().full);
+        ratios.push((raced_error / thorough_error).ln());
+        shares.push(raced.work.done as f64 / thorough.work.done as f64);
+        times.push(fast / slow);
+        println!(
+            "{seed:>4} {thorough_error:>12.4} {raced_error:>12.4} {:>10.4} {:>8.3} {:>8.3} {slow:>10.1} \
+             {fast:>10.1}",
+            ratios.last().expect("just pushed"),
+            shares.last().expect("just pushed"),
+            raced.dropped as f64 / raced.evaluations as f64,
+        );
+    }
+    let (mean, error) = spread(&ratios);
+    println!(
+        "log of the ratio of final errors: mean {mean:.4}, standard error {error:.4}; pairs {:.3}, \
+         time {:.3} of judging all in full",
+        spread(&shares).0,
+        spread(&times).0
+    );
+}
+
+/// The paper's search for some generations, and what all of them will take.
+fn generation(options: &Options, extent: &Extent) {
+    let whole = Preset::Paper.settings().generations;
+    let settings = match extent.rounds > 1 {
+        true => Settings {
+            generations: options.number("--count", 2.0) as u32,
+            ..Preset::Paper.settings()
+        },
+        false => Settings {
+            generations: 1,
+            share: extent.share,
+            radius: 2,
+            island_size: 4,
+            ..Preset::Paper.settings()
+        },
+    };
+    let mut ends: Vec<f64> = Vec::new();
+    let mut done = 0;
+    println!("{:>10} {:>10} {:>12} {:>12}", "generation", "seconds", "pairs", "of all");
+    let (outcome, total) = breed(&settings, &mut |now, event| {
+        if let Event::Generation { generation, islands, .. } = event {
+            let before = ends.last().copied().unwrap_or(0.0);
+            ends.push(now);
+            let work = islands[0].work;
+            println!(
+                "{generation:>10} {:>10.1} {:>12.2e} {:>11.1}%",
+                ends.last().expect("just pushed") - before,
+                (work.done - done) as f64,
+                100.0 * work.done as f64 / work.exhaustive as f64
+            );
+            done = work.done;
+        }
+    });
+    let (first, last) = (ends[0], ends[ends.len() - 1]);
+    let each = (last - first) / (ends.len() - 1).max(1) as f64;
+    println!(
+        "finalists {:.1} s; {each:.1} s a generation after the first, so that {whole} take {:.0} minutes; \
+         error {:.4}",
+        total - last,
+        (total + each * (f64::from(whole) - (ends.len() - 1) as f64)) / 60.0,
+        outcome.best().full
+    );
+}
+
+/// What the command line gives beside the measurement's name.
+struct Options(Vec<String>);
+
+impl Options {
+    fn text(&self, name: &str) -> Option<&str> {
+        let at = self.0.iter().position(|argument| argument == name)?;
+        self.0.get(at + 1).map(String::as_str)
+    }
+
+    fn number(&self, name: &str, otherwise: f64) -> f64 {
+        self.text(name).map_or(otherwise, |text| text.parse().expect("a number"))
+    }
+
+    fn list(&self, name: &str) -> Option<Vec<f64>> {
+        let text = self.text(name)?;
+        Some(text.split(',').map(|number| number.parse().expect("numbers")).collect())
+    }
+}
+
 fn main() {
     // `cargo test --benches` runs this too, to see that it runs.
     let given: Vec<String> = std::env::args().skip(1).collect();
-    let extent = if given.iter().any(|argument| argument == "--bench") { WHOLE } else { ONCE };
-    match given.iter().map(String::as_str).find(|argument| !argument.starts_with('-')) {
-        None => rates(&ways(), &population(&extent), &extent),
+    let asked = given.iter().any(|argument| argument == "--bench");
+    let extent = if asked { WHOLE } else { ONCE };
+    let name = given.first().filter(|argument| !argument.starts_with('-')).cloned();
+    let options = Options(given);
+    match name.as_deref() {
+        None => {
+            rates(&ways(), &population(&extent), &extent);
+            if !asked {
+                racing(&options, &extent);
+                generation(&options, &extent);
+            }
+        }
         Some("together") => together(&population(&extent), &extent),
+        Some("racing") => racing(&options, &extent),
+        Some("generation") => generation(&options, &extent),
         Some(other) => panic!("`{other}` is no measurement: see the head of benches/evolve.rs"),
     }
 }

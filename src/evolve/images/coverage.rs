@@ -47,6 +47,19 @@ impl Coverage {
     }
 }
 
+/// A rectangle in tiles.
+pub(super) fn cut(rect: Rect) -> impl Iterator<Item = Rect> {
+    let (tile_width, tile_height) = TILE;
+    let columns = rect.width.div_ceil(tile_width).max(1);
+    (0..rect.height).step_by(tile_height).flat_map(move |y| {
+        let height = tile_height.min(rect.height - y);
+        (0..columns).map(move |column| {
+            let x = column * rect.width / columns..(column + 1) * rect.width / columns;
+            Rect { x: rect.x + x.start, y: rect.y + y, width: x.len(), height }
+        })
+    })
+}
+
 /// One tile in each cell of a regular grid over the image.
 fn tiles(whole: Rect, share: f64, seed: u64, scene: usize) -> Vec<Rect> {
     let (tile_width, tile_height) = TILE;

@@ -3,9 +3,15 @@
 
 mod batch;
 mod coverage;
+mod race;
+mod rungs;
 mod sample;
 
+use std::sync::Mutex;
+
 use super::fitness::Fitness;
+use super::race::{Entrant, Ruling};
+use super::settings::Racing;
 use crate::backend::{Backend, BackendError, Rect};
 use crate::expr::Tree;
 use crate::plan::{Passes, PlanError, Window};
@@ -13,6 +19,8 @@ use crate::scene::facts::Facts;
 use crate::scene::{Image, Scene, SceneError, metric};
 use batch::Batching;
 pub use coverage::Coverage;
+use race::Course;
+use rungs::Ladder;
 use sample::{Sample, mean};
 
 /// A scene to train on: noisy input, features, and the clean reference.
@@ -55,6 +63,8 @@ pub struct ImageFitness<'a> {
     samples: Vec<Sample>,
     coverage: Coverage,
     batching: Batching<'a>,
+    /// Where races are run; without one every entrant is judged in full.
+    course: Option<Course>,
 }
 
 /// Why an expression could not be judged in a report.
@@ -91,13 +101,24 @@ impl<'a> ImageFitness<'a> {
         let samples = samples.collect();
         let facts = Facts::of_all(scenes.iter().map(|training| &training.scene));
         let batching = Batching { backend, facts, window, passes: Passes::ALL, together: TOGETHER };
-        Self { scenes, samples, coverage, batching }
+        Self { scenes, samples, coverage, batching, course: None }
     }
 
     /// The same, judging so many expressions in one plan; the values are the same.
     #[must_use]
     pub fn together(mut self, expressions: usize) -> Self {
         self.batching.together = expressions.max(1);
+        self
+    }
+
+    /// The same, racing as settings ask for on pixels that `seed` names.
+    #[must_use]
+    pub fn racing(mut self, racing: &Racing, seed: u64) -> Self {
+        self.course = racing.on.then(|| Course {
+            ladder: Ladder::new(&self.scenes, &self.samples, &racing.rungs, seed),
+            deviations: racing.deviations,
+            known: Mutex::default(),
+        });
         self
     }
 
@@ -149,10 +170,8 @@ impl<'a> ImageFitness<'a> {
     /// Whatever cannot be planned, compiled or run is good for nothing, and costs
     /// the search no more than that.
     fn errors(&self, trees: &[Tree], samples: &[Sample]) -> Vec<f64> {
-        let scenes = self.scenes.iter().map(|training| &training.scene);
-        let pairs: Vec<(&Scene, &Sample)> = scenes.zip(samples).collect();
         let error = |k: usize, pixels: &[[f32; 3]]| mean(&samples[k].errors(pixels));
-        let measured = self.batching.run(trees, &pairs, error);
+        let measured = self.batching.run(trees, &self.pairs_of(samples), error);
         measured.into_iter().map(|errors| errors.map_or(f64::INFINITY, total)).collect()
     }
 }
@@ -173,6 +192,18 @@ impl Fitness for ImageFitness<'_> {
     fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
         let whole: Vec<Sample> = self.scenes.iter().map(Sample::whole).collect();
         Ok(self.errors(trees, &whole))
+    }
+
+    fn race(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Self::Error> {
+        match &self.course {
+            Some(course) => Ok(self.run_race(course, entrants)),
+            None => self.judge_all(entrants),
+        }
+    }
+
+    /// Pixel pairs.
+    fn work(&self) -> u64 {
+        self.pairs() as u64
     }
 
     fn identity(&self) -> String {

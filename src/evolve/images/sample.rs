@@ -45,6 +45,35 @@ impl Sample {
         let [image, truth] = [&image, &self.truth].map(|rgb| rgb.each_ref().map(Vec::as_slice));
         metric::pixel_errors(image, truth)
     }
+
+    /// The mean of each rectangle's errors.
+    pub(super) fn means(&self, errors: &[f64]) -> Vec<f64> {
+        let mut rest = errors;
+        let mean = |rect: &Rect| {
+            let (own, others) = rest.split_at(rect.pixels());
+            rest = others;
+            mean(own)
+        };
+        self.region.iter().map(mean).collect()
+    }
+
+    /// The errors of a part of one of the rectangles, in its own order.
+    ///
+    /// # Panics
+    /// If it is part of none.
+    pub(super) fn within(&self, part: Rect, errors: &[f64]) -> Vec<f64> {
+        let mut rest = errors;
+        for rect in &self.region {
+            let (own, others) = rest.split_at(rect.pixels());
+            rest = others;
+            let (x, y) = (part.x.wrapping_sub(rect.x), part.y.wrapping_sub(rect.y));
+            if x < rect.width && y < rect.height {
+                let row = |y| &own[y * rect.width + x..][..part.width];
+                return (y..y + part.height).flat_map(row).copied().collect();
+            }
+        }
+        panic!("{part:?} is part of no rectangle of the sample")
+    }
 }
 
 /// The mean, summed in the order of the values.
