@@ -582,7 +582,7 @@ const TINY: [&str; 10] = [
 
 fn tiny<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let mut arguments = TINY.to_vec();
-    arguments.extend(["3", "--out", out]);
+    arguments.extend(["3", "--out", out, "--racing", "on"]);
     arguments.extend(more);
     arguments
 }

@@ -95,6 +95,7 @@ mod tests {
             .map(|k| Individual {
                 tree: Tree::constant(100.0 - k as f32),
                 fitness: f64::from(100 - k),
+                full: true,
             })
             .collect();
         let children: Vec<Child> = (0..100)

@@ -7,16 +7,22 @@ use serde::{Deserialize, Serialize, de};
 use super::error::Error;
 use super::hall::HallOfFame;
 use super::history::Row;
-use super::islands::Population;
+use super::islands::{Population, best};
 use super::memo::Memo;
+use super::race::Work;
 use super::settings::Settings;
 use crate::scene::write_atomically;
 
 /// The layout of the file; raised with every change to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Format {
-    #[serde(rename = "tamis-search-1")]
-    V1,
+    #[serde(rename = "tamis-search-2")]
+    V2,
+}
+
+impl Format {
+    /// What the file's first member says in every version.
+    const NAME: &str = "tamis-search-2";
 }
 
 /// Everything that a search knows between two generations, and all that it has
@@ -31,6 +37,12 @@ pub struct Checkpoint {
     pub(super) state: State,
 }
 
+/// The one member that every version of the file has.
+#[derive(Deserialize)]
+struct Label {
+    format: String,
+}
+
 /// How far a search has come.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -41,6 +53,7 @@ pub(super) struct State {
     pub(super) islands: Vec<Population>,
     /// Expressions bred in all complete generations, judged before or not.
     pub(super) bred: usize,
+    pub(super) work: Work,
     pub(super) hall: HallOfFame,
     pub(super) history: Vec<Row>,
     pub(super) memo: Memo,
@@ -53,6 +66,7 @@ impl State {
             next: 0,
             islands: Vec::new(),
             bred: 0,
+            work: Work::default(),
             hall: HallOfFame::new(settings.finalists),
             history: Vec::new(),
             memo: Memo::default(),
@@ -62,16 +76,22 @@ impl State {
 
 impl Checkpoint {
     pub(super) fn new(identity: String, settings: Settings, state: State) -> Self {
-        Self { format: Format::V1, identity, settings, state }
+        Self { format: Format::V2, identity, settings, state }
     }
 
     /// Reads a checkpoint.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let contents =
             std::fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
-        serde_json::from_slice(&contents)
-            .and_then(Self::checked)
-            .map_err(|source| Error::Checkpoint { path: path.to_owned(), source })
+        serde_json::from_slice(&contents).and_then(Self::checked).map_err(|source| {
+            let path = path.to_owned();
+            match serde_json::from_slice(&contents) {
+                Ok(Label { format }) if format != Format::NAME => {
+                    Error::Format { path, found: format, read: Format::NAME }
+                }
+                Ok(_) | Err(_) => Error::Checkpoint { path, source },
+            }
+        })
     }
 
     /// Holds what was read to what a search relies on.
@@ -82,6 +102,7 @@ impl Checkpoint {
         let whole = state.islands.len() == islands
             && state.islands.iter().all(|p| p.len() == settings.island_size)
             && state.history.len() == islands * state.next as usize
+            && state.islands.iter().all(|p| best(p).full)
             && (state.hall.members().is_empty() == state.memo.is_empty())
             && !(begun && state.memo.is_empty());
         if whole { Ok(self) } else { Err(de::Error::custom("its parts do not fit together")) }

@@ -44,6 +44,19 @@ pub enum Error {
         /// Where it stops making sense.
         source: serde_json::Error,
     },
+    /// A checkpoint is laid out as another version does.
+    #[error(
+        "{} is a checkpoint of another version ({found}; this one reads {read}): resume it with \
+         the version that wrote it, or start anew", path.display()
+    )]
+    Format {
+        /// Which.
+        path: PathBuf,
+        /// The layout's name.
+        found: String,
+        /// The one that this version reads.
+        read: &'static str,
+    },
     /// A checkpoint belongs to another fitness.
     #[error(
         "the checkpoint was bred against {bred}, which is not {given}: resume it with what it was \

@@ -1,5 +1,6 @@
 //! What the search minimises.
 
+use super::race::{Entrant, Ruling, Verdict};
 use crate::expr::Tree;
 
 /// Judges expressions (Section 4.3 of the paper): lower is better.
@@ -20,6 +21,26 @@ pub trait Fitness: Sync {
     /// this, and it is what gets reported.
     fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
         self.evaluate(trees)
+    }
+
+    /// Judges expressions for breeding, but may drop those that cannot beat their
+    /// bars. Each verdict must be a function of the entrant alone; `Full` values
+    /// are those of [`evaluate`](Self::evaluate), `Dropped` ones not below the
+    /// bar's. By default nobody is dropped.
+    fn race(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Self::Error> {
+        self.judge_all(entrants)
+    }
+
+    /// A race in which everybody is judged in full.
+    fn judge_all(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Self::Error> {
+        let trees: Vec<Tree> = entrants.iter().map(|entrant| entrant.tree.clone()).collect();
+        let ruling = |value| Ruling { verdict: Verdict::Full(value), work: self.work() };
+        Ok(self.evaluate(&trees)?.into_iter().map(ruling).collect())
+    }
+
+    /// What judging one expression in full takes, in some unit of work.
+    fn work(&self) -> u64 {
+        1
     }
 
     /// Names what expressions are judged against (scenes, subset, radius, …).

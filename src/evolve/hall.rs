@@ -55,7 +55,7 @@ mod tests {
         let [one, negated]: [Tree; 2] = ["1", "-exp(1)"].map(|text| text.parse().unwrap());
         let candidates: Vec<Individual> = (0..6)
             .flat_map(|k| [(&one, k), (&negated, k)])
-            .map(|(tree, k)| Individual { tree: tree.clone(), fitness: f64::from(k) })
+            .map(|(tree, k)| Individual { tree: tree.clone(), fitness: f64::from(k), full: true })
             .collect();
         let gather = |order: &mut dyn Iterator<Item = &Individual>| {
             let mut hall = HallOfFame::new(3);

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::encoding;
 use super::individual::Individual;
 use super::islands::best;
+use super::race::Work;
 use crate::expr::Tree;
 
 /// An island after a generation.
@@ -17,7 +18,7 @@ pub struct Row {
     /// Fitness of its best.
     #[serde(with = "encoding::exact")]
     pub best: f64,
-    /// Fitness of its median individual.
+    /// Fitness of its median individual; of one that was dropped, an estimate.
     #[serde(with = "encoding::exact")]
     pub median: f64,
     /// Nodes of its best.
@@ -28,9 +29,19 @@ pub struct Row {
     pub evaluations: usize,
     /// Expressions bred in the whole run so far that had been judged before.
     pub memo_hits: usize,
+    /// Work that judging has taken in the whole run so far.
+    pub work: Work,
     /// Its best.
     #[serde(with = "encoding::expression")]
     pub expression: Tree,
+}
+
+/// What a row says of the whole run.
+#[derive(Clone, Copy)]
+pub(super) struct Course {
+    pub(super) evaluations: usize,
+    pub(super) memo_hits: usize,
+    pub(super) work: Work,
 }
 
 impl Row {
@@ -39,8 +50,7 @@ impl Row {
         generation: u32,
         island: usize,
         population: &[Individual],
-        evaluations: usize,
-        memo_hits: usize,
+        course: Course,
     ) -> Self {
         let best = best(population);
         let mut ranked: Vec<f64> = population.iter().map(|i| i.fitness).collect();
@@ -53,8 +63,9 @@ impl Row {
             median: ranked[ranked.len() / 2],
             best_nodes: best.tree.len(),
             mean_nodes: nodes as f64 / population.len() as f64,
-            evaluations,
-            memo_hits,
+            evaluations: course.evaluations,
+            memo_hits: course.memo_hits,
+            work: course.work,
             expression: best.tree.clone(),
         }
     }
@@ -63,7 +74,7 @@ impl Row {
 /// A column of `history.csv`: its name, and its cell in a row.
 type Column = (&'static str, fn(&Row) -> String);
 
-const COLUMNS: [Column; 9] = [
+const COLUMNS: [Column; 11] = [
     ("generation", |r| r.generation.to_string()),
     ("island", |r| r.island.to_string()),
     ("best", |r| r.best.to_string()),
@@ -72,6 +83,8 @@ const COLUMNS: [Column; 9] = [
     ("mean_nodes", |r| r.mean_nodes.to_string()),
     ("evaluations", |r| r.evaluations.to_string()),
     ("memo_hits", |r| r.memo_hits.to_string()),
+    ("work", |r| r.work.done.to_string()),
+    ("exhaustive_work", |r| r.work.exhaustive.to_string()),
     // The one column with commas; expressions hold no quotes.
     ("expression", |r| format!("\"{}\"", r.expression)),
 ];
@@ -90,16 +103,20 @@ pub fn csv(rows: &[Row]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evolve::race::Verdict;
 
     #[test]
     fn a_row_has_a_cell_per_column() {
         let population = [("1", f64::INFINITY), ("pow(1, 1)", 0.5)]
-            .map(|(text, fitness)| Individual { tree: text.parse().unwrap(), fitness });
-        let csv = csv(&[Row::new(3, 1, &population, 7, 2)]);
+            .map(|(text, f)| Individual::new(text.parse().unwrap(), Verdict::Full(f)));
+        let work = Work { done: 5, exhaustive: 14 };
+        let course = Course { evaluations: 7, memo_hits: 2, work };
+        let csv = csv(&[Row::new(3, 1, &population, course)]);
         assert_eq!(
             csv,
-            "generation,island,best,median,best_nodes,mean_nodes,evaluations,memo_hits,expression\n\
-             3,1,0.5,inf,3,2,7,2,\"pow(1, 1)\"\n"
+            "generation,island,best,median,best_nodes,mean_nodes,evaluations,memo_hits,work,\
+             exhaustive_work,expression\n\
+             3,1,0.5,inf,3,2,7,2,5,14,\"pow(1, 1)\"\n"
         );
     }
 }

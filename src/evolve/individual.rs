@@ -5,11 +5,13 @@ use std::cmp::Ordering;
 use serde::{Deserialize, Serialize};
 
 use super::encoding;
+use super::race::Verdict;
 use crate::expr::Tree;
 
 /// A judged expression.
 ///
-/// Individuals are ordered, the better one first: by fitness, then the smaller
+/// Individuals are ordered, the better one first: by fitness, then those judged
+/// in full before those dropped from a [`race`](super::race), then the smaller
 /// tree, then the trees' own order. The order is total, so that no choice in a
 /// search depends on who came first.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -20,12 +22,27 @@ pub struct Individual {
     /// Its fitness: lower is better.
     #[serde(with = "encoding::exact")]
     pub fitness: f64,
+    /// Whether it was judged in full, or its fitness is an estimate.
+    pub full: bool,
+}
+
+impl Individual {
+    /// An expression with the verdict on it.
+    pub fn new(tree: Tree, verdict: Verdict) -> Self {
+        Self { tree, fitness: verdict.value(), full: verdict.is_full() }
+    }
+
+    /// The verdict on it.
+    pub fn verdict(&self) -> Verdict {
+        if self.full { Verdict::Full(self.fitness) } else { Verdict::Dropped(self.fitness) }
+    }
 }
 
 impl Ord for Individual {
     fn cmp(&self, other: &Self) -> Ordering {
         self.fitness
             .total_cmp(&other.fitness)
+            .then_with(|| other.full.cmp(&self.full))
             .then_with(|| self.tree.len().cmp(&other.tree.len()))
             .then_with(|| self.tree.cmp(&other.tree))
     }
@@ -50,12 +67,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn at_equal_fitness_the_smaller_tree_is_better() {
-        let [small, large, best, hopeless] =
-            [("1", 2.0), ("exp(1)", 2.0), ("exp(1)", 1.0), ("1", f64::INFINITY)]
-                .map(|(text, fitness)| Individual { tree: text.parse().unwrap(), fitness });
-        let mut all = [&hopeless, &large, &small, &best];
+    fn at_equal_fitness_the_smaller_tree_is_better_and_an_estimate_worse() {
+        let [small, large, best, hopeless, dropped] = [
+            ("1", Verdict::Full(2.0)),
+            ("exp(1)", Verdict::Full(2.0)),
+            ("exp(1)", Verdict::Full(1.0)),
+            ("1", Verdict::Full(f64::INFINITY)),
+            ("1", Verdict::Dropped(2.0)),
+        ]
+        .map(|(text, verdict)| Individual::new(text.parse().unwrap(), verdict));
+        let mut all = [&hopeless, &dropped, &large, &small, &best];
         all.sort();
-        assert_eq!(all, [&best, &small, &large, &hopeless]);
+        assert_eq!(all, [&best, &small, &large, &dropped, &hopeless]);
     }
 }

@@ -30,7 +30,7 @@ mod tests {
     #[test]
     fn the_best_moves_on_around_the_ring_and_the_worst_makes_room() {
         let individual =
-            |fitness: f64| Individual { tree: Tree::constant(fitness as f32), fitness };
+            |fitness: f64| Individual { tree: Tree::constant(fitness as f32), fitness, full: true };
         let island = |values: [f64; 3]| values.map(individual).to_vec();
         let mut islands =
             [island([5.0, 1.0, 9.0]), island([2.0, 8.0, 6.0]), island([7.0, 4.0, 3.0])];
@@ -43,8 +43,9 @@ mod tests {
     #[test]
     fn a_lone_island_keeps_its_best() {
         let tree = Tree::constant(1.0);
-        let mut islands =
-            [[4.0, 2.0].map(|fitness| Individual { tree: tree.clone(), fitness }).to_vec()];
+        let mut islands = [[4.0, 2.0]
+            .map(|fitness| Individual { tree: tree.clone(), fitness, full: true })
+            .to_vec()];
         migrate(&mut islands);
         assert_eq!(best(&islands[0]).fitness, 2.0);
     }

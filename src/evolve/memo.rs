@@ -5,40 +5,76 @@ use serde::{Deserialize, Serialize};
 
 use super::canonical::canonical;
 use super::individual::Individual;
+use super::race::{Bar, Entrant, Verdict};
 use crate::expr::Tree;
 
-/// The fitness of every expression judged so far. The keys are canonical trees
+/// The verdict on every expression judged so far. The keys are canonical trees
 /// themselves, not their hashes: two expressions can never be taken for one.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(from = "Vec<Individual>", into = "Vec<Individual>")]
 pub struct Memo {
-    known: FxHashMap<Tree, f64>,
+    known: FxHashMap<Tree, Verdict>,
+}
+
+/// An expression to be judged, and the weakest of the bars that the islands on
+/// which it was bred hold it to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Newcomer<'a> {
+    /// The expression, canonical.
+    pub tree: Tree,
+    /// The bar; none if an island has none.
+    pub bar: Option<&'a Individual>,
+}
+
+impl Newcomer<'_> {
+    /// The same as a race wants it.
+    pub fn entrant(&self) -> Entrant<'_> {
+        let bar = self.bar.map(|bar| Bar { tree: &bar.tree, fitness: bar.fitness });
+        Entrant { tree: &self.tree, bar }
+    }
 }
 
 impl Memo {
-    /// The fitness of an expression, if it or a variant of it with operands
+    /// The verdict on an expression, if it or a variant of it with operands
     /// exchanged has been judged.
-    pub fn get(&self, tree: &Tree) -> Option<f64> {
+    pub fn get(&self, tree: &Tree) -> Option<Verdict> {
         self.known.get(&canonical(tree)).copied()
     }
 
-    /// The expressions among `trees` that are yet to be judged, canonical, each
-    /// once, in the order of their first appearance.
-    pub fn missing<'a>(&self, trees: impl IntoIterator<Item = &'a Tree>) -> Vec<Tree> {
-        let mut seen = rustc_hash::FxHashSet::default();
-        let mut missing = Vec::new();
-        for tree in trees {
+    /// The expressions among those bred that are yet to be judged, canonical, each
+    /// once, in the order of their first appearance. Who was dropped races again
+    /// if the bar is now weaker than the value that it was given.
+    pub fn missing<'a, 'b>(
+        &self,
+        bred: impl IntoIterator<Item = (&'b Tree, Option<&'a Individual>)>,
+    ) -> Vec<Newcomer<'a>> {
+        let mut places = FxHashMap::default();
+        let mut newcomers: Vec<Newcomer<'a>> = Vec::new();
+        for (tree, bar) in bred {
             let tree = canonical(tree);
-            if !self.known.contains_key(&tree) && seen.insert(tree.clone()) {
-                missing.push(tree);
+            let at = *places.entry(tree.clone()).or_insert(newcomers.len());
+            match newcomers.get_mut(at) {
+                Some(newcomer) => newcomer.bar = newcomer.bar.zip(bar).map(|(a, b)| a.max(b)),
+                None => newcomers.push(Newcomer { tree, bar }),
             }
         }
-        missing
+        newcomers.retain(|newcomer| match self.known.get(&newcomer.tree) {
+            None => true,
+            Some(Verdict::Full(_)) => false,
+            Some(&Verdict::Dropped(value)) => newcomer.bar.is_none_or(|bar| bar.fitness > value),
+        });
+        newcomers
     }
 
-    /// Remembers a canonical expression's fitness.
-    pub fn insert(&mut self, judged: Individual) {
-        self.known.insert(judged.tree, judged.fitness);
+    /// Remembers the verdict on a canonical expression; whether it is the first.
+    pub fn insert(&mut self, judged: Individual) -> bool {
+        let verdict = judged.verdict();
+        self.known.insert(judged.tree, verdict).is_none()
+    }
+
+    /// How many expressions were dropped from every race they ran.
+    pub fn dropped(&self) -> usize {
+        self.known.values().filter(|verdict| !verdict.is_full()).count()
     }
 
     /// How many expressions have been judged.
@@ -54,15 +90,15 @@ impl Memo {
 
 impl From<Vec<Individual>> for Memo {
     fn from(judged: Vec<Individual>) -> Self {
-        Self { known: judged.into_iter().map(|i| (i.tree, i.fitness)).collect() }
+        Self { known: judged.into_iter().map(|i| (i.tree.clone(), i.verdict())).collect() }
     }
 }
 
 /// In order, so that equal memos are written as equal files.
 impl From<Memo> for Vec<Individual> {
     fn from(memo: Memo) -> Self {
-        let mut judged: Self =
-            memo.known.into_iter().map(|(tree, fitness)| Individual { tree, fitness }).collect();
+        let individual = |(tree, verdict)| Individual::new(tree, verdict);
+        let mut judged: Self = memo.known.into_iter().map(individual).collect();
         judged.sort_unstable();
         judged
     }
@@ -76,10 +112,26 @@ mod tests {
     fn variants_with_operands_exchanged_are_one_entry() {
         let [one, ab, ba] = ["1", "1 + 2", "2 + 1"].map(|text| text.parse().unwrap());
         let mut memo = Memo::default();
-        let missing = memo.missing([&ba, &ab, &one]);
-        assert_eq!(missing, [ab.clone(), one]);
-        memo.insert(Individual { tree: ab, fitness: 3.0 });
-        assert_eq!(memo.get(&ba), Some(3.0));
-        assert!(memo.missing([&ba]).is_empty());
+        let missing = memo.missing([(&ba, None), (&ab, None), (&one, None)]);
+        assert_eq!(missing, [&ab, &one].map(|t| Newcomer { tree: t.clone(), bar: None }));
+        memo.insert(Individual::new(ab, Verdict::Full(3.0)));
+        assert_eq!(memo.get(&ba), Some(Verdict::Full(3.0)));
+        assert!(memo.missing([(&ba, None)]).is_empty());
+    }
+
+    #[test]
+    fn an_expression_meets_the_weaker_bar_and_races_again_for_a_weaker_one_only() {
+        let [tree, bar] = ["2", "1"].map(|text| text.parse::<Tree>().unwrap());
+        let bars = [1.0, 3.0].map(|f| Individual::new(bar.clone(), Verdict::Full(f)));
+        let mut memo = Memo::default();
+        let missing = memo.missing([(&tree, Some(&bars[1])), (&tree, Some(&bars[0]))]);
+        assert_eq!(missing, [Newcomer { tree: tree.clone(), bar: Some(&bars[1]) }]);
+        assert_eq!(memo.missing([(&tree, Some(&bars[1])), (&tree, None)])[0].bar, None);
+        assert!(memo.insert(Individual::new(tree.clone(), Verdict::Dropped(2.0))));
+        assert!(memo.missing([(&tree, Some(&bars[0]))]).is_empty());
+        assert_eq!(memo.missing([(&tree, Some(&bars[1]))]).len(), 1);
+        assert_eq!(memo.missing([(&tree, None)]).len(), 1);
+        assert!(!memo.insert(Individual::new(tree, Verdict::Full(2.0))));
+        assert_eq!((memo.len(), memo.dropped()), (1, 0));
     }
 }

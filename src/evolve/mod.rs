@@ -9,16 +9,18 @@
 //!    and [`mutation`] make the next generation of them
 //!    ([`breeding::offspring`]).
 //! 3. The children that are new, up to the order of commuting operands
-//!    ([`canonical`]), are judged, all islands' together; the others' fitness
-//!    is remembered ([`memo`]).
+//!    ([`canonical`]), are judged, all islands' together, and those that cannot
+//!    win only for as long as that is in doubt ([`race`]); the others' fitness is
+//!    remembered ([`memo`]).
 //! 4. Every few generations each island's best migrates to the next
 //!    ([`islands`]).
 //! 5. The best of the whole run ([`hall`]) are judged in full at the end, and
 //!    the best of those is the result.
 //!
 //! Where this goes beyond the paper it says so: the elite is never lost, ties
-//! go to the smaller tree, trees have a size limit, and there is a fifth kind
-//! of mutation, off in the paper's preset.
+//! go to the smaller tree, trees have a size limit, expressions that cannot win
+//! are dropped early, and there is a fifth kind of mutation, off in the paper's
+//! preset.
 //!
 //! The result depends on the settings and the fitness alone. Random streams
 //! are named ([`rng`]), orders are total ([`individual`]), and what a clock or
@@ -70,6 +72,7 @@ pub mod islands;
 pub mod materials;
 pub mod memo;
 pub mod mutation;
+pub mod race;
 pub mod rng;
 pub mod search;
 pub mod selection;
@@ -84,8 +87,9 @@ pub use event::Event;
 pub use fitness::Fitness;
 pub use images::{Coverage, ImageFitness, TrainingScene};
 pub use individual::Individual;
+pub use race::{Bar, Entrant, Ruling, Verdict, Work};
 pub use search::{Finalist, Outcome, Search};
-pub use settings::{MutationWeights, Preset, Settings};
+pub use settings::{MutationWeights, Preset, Racing, Settings};
 pub use summary::Summary;
 
 #[cfg(test)]

@@ -8,10 +8,12 @@ use super::control::{Control, Ending, Watch};
 use super::error::Error;
 use super::event::Event;
 use super::fitness::Fitness;
-use super::history::Row;
+use super::history::{Course, Row};
 use super::individual::Individual;
 use super::islands::{Population, migrate};
 use super::materials::Materials;
+use super::memo::Newcomer;
+use super::race::{Entrant, Ruling, Verdict, Work, bar};
 use super::settings::Settings;
 use crate::expr::Tree;
 
@@ -23,7 +25,7 @@ pub struct Search<'a, F> {
     state: State,
 }
 
-/// An expression that has been judged in full.
+/// An expression that has been judged by everything there is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finalist {
     /// The expression.
@@ -46,8 +48,12 @@ pub struct Outcome {
     pub history: Vec<Row>,
     /// How many expressions were judged for breeding.
     pub evaluations: usize,
+    /// How many of them were dropped and never judged in full.
+    pub dropped: usize,
     /// How many expressions bred had been judged before.
     pub memo_hits: usize,
+    /// What judging took, and would have taken without racing.
+    pub work: Work,
     /// How the run ended.
     pub ending: Ending,
 }
@@ -114,7 +120,9 @@ impl<'a, F: Fitness> Search<'a, F> {
             islands: self.state.islands.clone(),
             history: self.state.history.clone(),
             evaluations: self.state.memo.len(),
+            dropped: self.state.memo.dropped(),
             memo_hits: self.memo_hits(),
+            work: self.state.work,
             ending,
         })
     }
@@ -179,7 +187,11 @@ impl<'a, F: Fitness> Search<'a, F> {
         watch: &Watch<'_>,
         listener: &mut dyn FnMut(Event<'_>),
     ) -> Result<Option<Ending>, Error> {
-        let missing = self.state.memo.missing(children.iter().flatten().filter_map(Child::tree));
+        let bars = self.bars();
+        let bred = children.iter().zip(&bars).flat_map(|(children, bar)| {
+            children.iter().filter_map(Child::tree).map(move |tree| (tree, bar.as_ref()))
+        });
+        let missing = self.state.memo.missing(bred);
         let mut judged = 0;
         for batch in missing.chunks(self.settings.batch) {
             if judged > 0
@@ -187,16 +199,47 @@ impl<'a, F: Fitness> Search<'a, F> {
             {
                 return Ok(Some(ending));
             }
-            let values = contract(batch, self.fitness.evaluate(batch))?;
-            for (tree, fitness) in batch.iter().zip(values) {
-                let individual = Individual { tree: tree.clone(), fitness };
-                self.state.hall.offer(individual.clone());
-                self.state.memo.insert(individual);
+            for (newcomer, ruling) in batch.iter().zip(self.race(batch)?) {
+                let individual = Individual::new(newcomer.tree.clone(), ruling.verdict);
+                if individual.full {
+                    self.state.hall.offer(individual.clone());
+                }
+                self.state.work.done += ruling.work;
+                if self.state.memo.insert(individual) {
+                    self.state.work.exhaustive += self.fitness.work();
+                }
             }
             judged += batch.len();
             listener(Event::Batch { generation: self.state.next, judged, of: missing.len() });
         }
         Ok(None)
+    }
+
+    /// What each island holds its newcomers to. Nothing, if races are off or
+    /// there is no generation before: the initial population is one in two
+    /// hundred, and nobody in it has been judged.
+    fn bars(&self) -> Vec<Option<Individual>> {
+        let racing = &self.settings.racing;
+        let islands = self.state.islands.iter();
+        let mut bars: Vec<Option<Individual>> =
+            islands.map(|p| bar(p, racing.bar).filter(|_| racing.on)).collect();
+        bars.resize(self.settings.islands, None);
+        bars
+    }
+
+    /// Has newcomers judged, and holds the fitness to its contract.
+    fn race(&self, newcomers: &[Newcomer<'_>]) -> Result<Vec<Ruling>, Error> {
+        let entrants: Vec<Entrant<'_>> = newcomers.iter().map(Newcomer::entrant).collect();
+        let rulings =
+            self.fitness.race(&entrants).map_err(|error| Error::Fitness(Box::new(error)))?;
+        assert_eq!(rulings.len(), entrants.len(), "a race ends with one ruling per entrant");
+        for (Entrant { tree, bar }, ruling) in entrants.iter().zip(&rulings) {
+            let value = ruling.verdict.value();
+            assert!(!value.is_nan(), "a fitness is never NaN, but was for {tree}");
+            let beaten = bar.is_some_and(|bar| value >= bar.fitness);
+            assert!(ruling.verdict.is_full() || beaten, "only the beaten are dropped, not {tree}");
+        }
+        Ok(rulings)
     }
 
     /// Puts a generation's judged children on the islands, lets the best
@@ -207,8 +250,8 @@ impl<'a, F: Fitness> Search<'a, F> {
         let occupant = |child| match child {
             Child::Judged(individual) => individual,
             Child::New(tree) => {
-                let fitness = state.memo.get(&tree).expect("every new child has been judged");
-                Individual { tree, fitness }
+                let verdict = state.memo.get(&tree).expect("every new child has been judged");
+                Individual::new(tree, verdict)
             }
         };
         let islands = children.into_iter().map(|c| c.into_iter().map(occupant).collect());
@@ -220,14 +263,17 @@ impl<'a, F: Fitness> Search<'a, F> {
             migrate(&mut state.islands);
         }
         state.next = generation + 1;
-        let (evaluations, memo_hits) = (self.state.memo.len(), self.memo_hits());
-        let rows = self.state.islands.iter().enumerate().map(|(island, population)| {
-            Row::new(generation, island, population, evaluations, memo_hits)
-        });
+        let course = Course {
+            evaluations: self.state.memo.len(),
+            memo_hits: self.memo_hits(),
+            work: self.state.work,
+        };
+        let islands = self.state.islands.iter().enumerate();
+        let rows = islands.map(|(island, p)| Row::new(generation, island, p, course));
         self.state.history.extend(rows);
     }
 
-    /// Judges the hall of fame in full.
+    /// Judges the hall of fame by everything there is.
     fn finals(&self, listener: &mut dyn FnMut(Event<'_>)) -> Result<Vec<Finalist>, Error> {
         let members = self.state.hall.members();
         listener(Event::Finalists { count: members.len() });
@@ -236,7 +282,7 @@ impl<'a, F: Fitness> Search<'a, F> {
         let mut ranked: Vec<(Individual, f64)> = members
             .iter()
             .zip(values)
-            .map(|(m, full)| (Individual { tree: m.tree.clone(), fitness: full }, m.fitness))
+            .map(|(m, full)| (Individual::new(m.tree.clone(), Verdict::Full(full)), m.fitness))
             .collect();
         ranked.sort_by(|(a, _), (b, _)| a.cmp(b));
         let finalist = |(judged, bred): (Individual, f64)| Finalist {

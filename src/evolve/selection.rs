@@ -26,7 +26,11 @@ mod tests {
     #[test]
     fn a_tournament_prefers_the_fit_and_a_larger_one_more_so() {
         let population: Vec<Individual> = (0..100)
-            .map(|k| Individual { tree: Tree::constant(k as f32), fitness: f64::from(k) })
+            .map(|k| Individual {
+                tree: Tree::constant(k as f32),
+                fitness: f64::from(k),
+                full: true,
+            })
             .collect();
         let mut rng = stream(7, 0, 0, 0);
         let mut mean = |entrants| {

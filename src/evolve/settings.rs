@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::Error;
+use super::images;
 use crate::expr::Tree;
 
 /// The parameters of a search. Together with the fitness they determine its
@@ -59,6 +60,29 @@ pub struct Settings {
     /// Most expressions that the fitness gets at once. Between batches the
     /// search looks whether it is to stop; no result depends on it.
     pub batch: usize,
+    /// Most expressions that are compiled into one program, in which they share
+    /// what they have in common; 1 for each its own. No result depends on it.
+    pub together: usize,
+    /// How expressions that cannot win are given up.
+    pub racing: Racing,
+}
+
+/// How expressions that cannot win are given up (see [`race`](super::race)). The
+/// paper judges all in full.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Racing {
+    /// Whether they are.
+    pub on: bool,
+    /// Shares of the pixels that breeding looks at after which it looks how
+    /// entrants stand, in growing order.
+    pub rungs: Vec<f64>,
+    /// Where the bar stands: at this quantile of an island's previous generation,
+    /// 0 being its best.
+    pub bar: f64,
+    /// By how many standard errors an entrant's error must exceed the bar's for
+    /// it to be dropped.
+    pub deviations: f64,
 }
 
 /// Relative frequencies of the kinds of mutation (Section 4.2: the paper's four
@@ -130,6 +154,8 @@ impl Preset {
             share: 1.0,
             finalists: 16,
             batch: 64,
+            together: images::TOGETHER,
+            racing: Racing { on: true, rungs: vec![0.02, 0.1], bar: 0.35, deviations: 2.0 },
         };
         match self {
             Self::Paper => paper,
@@ -147,6 +173,9 @@ impl Preset {
                 initial_mutations: 3,
                 share: 0.03,
                 finalists: 8,
+                // So few pixels leave no room: races saved 13% of the pairs there, and
+                // each survivor is compiled once more for every rung.
+                racing: Racing { on: false, ..paper.racing.clone() },
                 ..paper
             },
         }
@@ -178,6 +207,7 @@ impl Settings {
         at_least("tournament", self.tournament, 1, "somebody has to enter the tournament")?;
         at_least("finalists", self.finalists, 1, "somebody has to be judged in full")?;
         at_least("batch", self.batch, 1, "the fitness has to be given something")?;
+        at_least("together", self.together, 1, "a program computes at least one expression")?;
         at_least("max_nodes", self.max_nodes, 1, "a tree has at least one node")?;
         at_least("max_depth", self.max_depth, 1, "a tree has at least one level")?;
         at_least(
@@ -199,6 +229,7 @@ impl Settings {
             ("mutations.delete", w.delete),
             ("mutations.jitter", w.jitter),
             ("jitter_sigma", self.jitter_sigma),
+            ("racing.deviations", self.racing.deviations),
         ] {
             if !(value.is_finite() && value >= 0.0) {
                 let value = value.to_string();
@@ -210,6 +241,24 @@ impl Settings {
                 name: "share",
                 value: self.share.to_string(),
                 wanted: "a share of the pixels is above 0 and at most 1",
+            });
+        }
+        let racing = &self.racing;
+        let listed = racing.rungs.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        if !(racing.rungs.iter().all(|&rung| rung > 0.0 && rung < 1.0)
+            && racing.rungs.is_sorted_by(|a, b| a < b))
+        {
+            return Err(Error::Setting {
+                name: "racing.rungs",
+                value: listed,
+                wanted: "rungs are growing shares of the pixels, above 0 and below 1",
+            });
+        }
+        if !(racing.bar >= 0.0 && racing.bar < 1.0) {
+            return Err(Error::Setting {
+                name: "racing.bar",
+                value: racing.bar.to_string(),
+                wanted: "a quantile is at least 0 and below 1",
             });
         }
         let shares = self.reproduction + self.crossover + self.mutation;
@@ -264,6 +313,10 @@ mod tests {
         assert!(refused(|s| s.crossover = 0.5).contains("add up to 1"));
         assert!(refused(|s| s.crossover = f64::NAN).contains("`crossover` is NaN"));
         assert!(refused(|s| s.mutations.swap = -1.0).contains("`mutations.swap` is -1"));
+        assert!(refused(|s| s.racing.rungs = vec![0.1, 0.1]).contains("`racing.rungs` is 0.1,0.1"));
+        assert!(refused(|s| s.racing.rungs = vec![1.0]).contains("below 1"));
+        assert!(refused(|s| s.racing.bar = 1.0).contains("`racing.bar` is 1"));
+        assert!(refused(|s| s.racing.deviations = f64::NAN).contains("`racing.deviations`"));
         assert!(refused(|s| s.seed = u64::MAX).contains("below 2^63"));
         assert!(
             refused(|s| s.mutations =

@@ -38,11 +38,25 @@ impl Regression {
     }
 
     fn error(&self, tree: &Tree) -> f64 {
-        let squares = (0..32).map(|k| {
+        self.squares(tree, 32) + 1e-4 * tree.len() as f64
+    }
+
+    fn squares(&self, tree: &Tree, samples: usize) -> f64 {
+        let squares = (0..samples).map(|k| {
             let value = |t: &Tree| t.meaning(|plane, side| sample(k, plane, side));
             (value(tree) - value(&self.target)).powi(2)
         });
-        squares.sum::<f64>() / 32.0 + 1e-4 * tree.len() as f64
+        squares.sum::<f64>() / samples as f64
+    }
+
+    fn note(&self, tree: &Tree) {
+        let mut asked = self.asked.lock().unwrap();
+        asked.push(tree.clone());
+        if let Some((after, flag)) = &self.alarm
+            && asked.len() >= *after
+        {
+            flag.store(true, Ordering::Relaxed);
+        }
     }
 }
 
@@ -50,14 +64,29 @@ impl Fitness for Regression {
     type Error = Infallible;
 
     fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Infallible> {
-        let mut asked = self.asked.lock().unwrap();
-        asked.extend_from_slice(trees);
-        if let Some((after, flag)) = &self.alarm
-            && asked.len() >= *after
-        {
-            flag.store(true, Ordering::Relaxed);
-        }
+        trees.iter().for_each(|tree| self.note(tree));
         Ok(trees.iter().map(|t| self.error(t)).collect())
+    }
+
+    /// Drops who is worse by half on an eighth of the samples.
+    fn race(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Infallible> {
+        let ruling = |entrant: &Entrant<'_>| {
+            let Entrant { tree, bar } = *entrant;
+            self.note(tree);
+            let full = |work| Ruling { verdict: Verdict::Full(self.error(tree)), work };
+            let Some(bar) = bar else { return full(8) };
+            let excess = self.squares(tree, 4) - self.squares(bar.tree, 4);
+            if excess > 0.5 {
+                Ruling { verdict: Verdict::Dropped(bar.fitness + excess), work: 1 }
+            } else {
+                full(9)
+            }
+        };
+        Ok(entrants.iter().map(ruling).collect())
+    }
+
+    fn work(&self) -> u64 {
+        8
     }
 
     /// Disagrees with breeding, to show which of the two decides in the end.
@@ -71,10 +100,18 @@ impl Fitness for Regression {
 }
 
 fn small() -> Settings {
-    Settings { islands: 3, island_size: 20, generations: 12, batch: 7, ..Preset::Quick.settings() }
+    let quick = Preset::Quick.settings();
+    let racing = Racing { on: true, ..quick.racing.clone() };
+    Settings { islands: 3, island_size: 20, generations: 12, batch: 7, racing, ..quick }
 }
 
-fn search(settings: &Settings, fitness: &Regression) -> Outcome {
+/// Without races.
+fn thorough() -> Settings {
+    let racing = Racing { on: false, ..small().racing };
+    Settings { racing, ..small() }
+}
+
+fn search<F: Fitness>(settings: &Settings, fitness: &F) -> Outcome {
     let mut search = Search::new(settings.clone(), fitness).unwrap();
     search.run(&Control::default(), &mut |_| {}).unwrap()
 }
@@ -106,12 +143,14 @@ fn the_size_of_batches_changes_nothing() {
 #[test]
 fn the_elite_is_never_lost() {
     // Without any reproduction, too.
-    let settings = Settings { reproduction: 0.0, mutation: 0.55, ..small() };
-    let outcome = search(&settings, &Regression::new());
-    for island in 0..settings.islands {
-        let course: Vec<f64> =
-            outcome.history.iter().filter(|r| r.island == island).map(|r| r.best).collect();
-        assert!(course.is_sorted_by(|earlier, later| earlier >= later), "{course:?}");
+    for settings in [small(), thorough()] {
+        let settings = Settings { reproduction: 0.0, mutation: 0.55, ..settings };
+        let outcome = search(&settings, &Regression::new());
+        for island in 0..settings.islands {
+            let course: Vec<f64> =
+                outcome.history.iter().filter(|r| r.island == island).map(|r| r.best).collect();
+            assert!(course.is_sorted_by(|earlier, later| earlier >= later), "{course:?}");
+        }
     }
 }
 
@@ -139,12 +178,63 @@ fn after_a_migration_the_neighbour_is_as_good() {
 #[test]
 fn nothing_is_judged_twice() {
     let fitness = Regression::new();
-    let outcome = search(&small(), &fitness);
+    let outcome = search(&thorough(), &fitness);
     let asked = fitness.asked.lock().unwrap();
     let distinct: HashSet<Tree> = asked.iter().map(canonical).collect();
     assert_eq!(distinct.len(), asked.len());
     assert_eq!(outcome.evaluations, asked.len());
     assert!(outcome.memo_hits > 0);
+    let all = 8 * asked.len() as u64;
+    assert_eq!((outcome.dropped, outcome.work), (0, Work { done: all, exhaustive: all }));
+}
+
+/// Judges as the fitness within, but never races.
+struct Patient(Regression);
+
+impl Fitness for Patient {
+    type Error = Infallible;
+
+    fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Infallible> {
+        self.0.evaluate(trees)
+    }
+
+    fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Infallible> {
+        self.0.evaluate_full(trees)
+    }
+
+    fn work(&self) -> u64 {
+        self.0.work()
+    }
+
+    fn identity(&self) -> String {
+        self.0.identity()
+    }
+}
+
+#[test]
+fn a_search_whose_fitness_drops_nobody_is_a_search_without_races() {
+    let patient = search(&small(), &Patient(Regression::new()));
+    assert_eq!(patient, search(&thorough(), &Regression::new()));
+}
+
+#[test]
+fn what_is_best_or_reported_was_judged_in_full() {
+    let fitness = Regression::new();
+    let outcome = search(&small(), &fitness);
+    assert!(outcome.dropped > 0);
+    assert!(outcome.work.done < outcome.work.exhaustive);
+    assert_eq!(outcome.work.exhaustive, 8 * outcome.evaluations as u64);
+    for row in &outcome.history {
+        assert_eq!(row.best, fitness.error(&canonical(&row.expression)));
+    }
+    for finalist in &outcome.finalists {
+        assert_eq!(finalist.bred, fitness.error(&finalist.tree));
+    }
+    let all: Vec<&Individual> = outcome.islands.iter().flatten().collect();
+    assert!(all.iter().any(|individual| !individual.full));
+    for individual in all.iter().filter(|individual| individual.full) {
+        assert_eq!(individual.fitness, fitness.error(&canonical(&individual.tree)));
+    }
 }
 
 #[test]
@@ -169,23 +259,29 @@ fn a_time_limit_of_nothing_still_gives_a_best_so_far() {
     assert!(outcome.best().full.is_finite());
 }
 
-/// Searches until so many evaluations, writing to `path`.
-fn interrupted(settings: &Settings, after: usize, path: &Path) -> Outcome {
+/// Searches until so many expressions were asked for, writing to `path`; how it
+/// ended, and how many there were.
+fn interrupted(settings: &Settings, after: usize, path: &Path) -> (Outcome, usize) {
     let stop = Arc::new(AtomicBool::new(false));
     let fitness = Regression { alarm: Some((after, stop.clone())), ..Regression::new() };
     let checkpoints = Some(Checkpoints { path: path.to_owned(), interval: 2 });
     let control = Control { stop, checkpoints, ..Control::default() };
-    Search::new(settings.clone(), &fitness).unwrap().run(&control, &mut |_| {}).unwrap()
+    let mut search = Search::new(settings.clone(), &fitness).unwrap();
+    let outcome = search.run(&control, &mut |_| {}).unwrap();
+    let asked = fitness.asked.lock().unwrap().len();
+    (outcome, asked)
 }
 
 #[test]
 fn a_resumed_search_ends_as_if_never_interrupted() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.json");
-    let whole = search(&small(), &Regression::new());
+    let fitness = Regression::new();
+    let whole = search(&small(), &fitness);
+    let all = fitness.asked.lock().unwrap().len();
     // In the initial population, early, and late; always within a generation.
-    for after in [10, 120, whole.evaluations - 10] {
-        let part = interrupted(&small(), after, &path);
+    for after in [10, 120, all - 10] {
+        let (part, asked) = interrupted(&small(), after, &path);
         assert_eq!(part.ending, Ending::Stopped);
         assert!(part.evaluations < whole.evaluations);
 
@@ -194,7 +290,7 @@ fn a_resumed_search_ends_as_if_never_interrupted() {
         let mut search = Search::resume(checkpoint, &fitness).unwrap();
         let resumed = search.run(&Control::default(), &mut |_| {}).unwrap();
         assert_eq!(resumed, whole, "after {after} evaluations");
-        assert_eq!(fitness.asked.lock().unwrap().len(), whole.evaluations - part.evaluations);
+        assert_eq!(fitness.asked.lock().unwrap().len(), all - asked);
     }
 }
 
@@ -231,6 +327,10 @@ fn what_is_no_checkpoint_is_refused_by_name() {
     let error = Checkpoint::read(&path).unwrap_err();
     assert!(error.to_string().contains("other.json"), "{error}");
 
+    std::fs::write(&path, r#"{ "format": "tamis-search-1", "identity": "another" }"#).unwrap();
+    let error = Checkpoint::read(&path).unwrap_err();
+    assert!(error.to_string().contains("start anew"), "{error}");
+
     // One individual short.
     let fitness = Regression::new();
     let mut search = Search::new(small(), &fitness).unwrap();
@@ -247,7 +347,7 @@ fn the_listener_hears_of_every_generation() {
     let mut generations = Vec::new();
     let mut judged = 0;
     let mut finals = 0;
-    Search::new(small(), &fitness)
+    Search::new(thorough(), &fitness)
         .unwrap()
         .run(&Control::default(), &mut |event| match event {
             Event::Batch { of, judged: j, .. } if j == of => judged += of,

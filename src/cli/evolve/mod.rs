@@ -121,7 +121,9 @@ impl Evolve {
         }
         let window = Window::dense(settings.radius);
         let coverage = Coverage::of(&settings);
-        let fitness = ImageFitness::new(training, window, coverage, &*backend);
+        let fitness = ImageFitness::new(training, window, coverage, &*backend)
+            .together(settings.together)
+            .racing(&settings.racing, settings.seed);
         let mut search = match checkpoint {
             Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), &fitness)?,
             None => Search::new(settings.clone(), &fitness)?,
@@ -215,11 +217,12 @@ impl Evolve {
                 .join(", ")
         ));
         Ok(format!(
-            "{}\n\ntraining error {} (sum of RelMSE over {}), search {}\n\n{}",
+            "{}\n\ntraining error {} (sum of RelMSE over {}), search {}\n{}\n\n{}",
             outcome.best().tree,
             number::error(outcome.best().full),
             number::plural(files.len(), "scene"),
             record::ending(outcome.ending),
+            record::effort(outcome),
             scores.render(Format::Plain),
         ))
     }

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::parameters;
-use super::record::{Origin, ending, generations};
+use super::record::{Origin, effort, ending, generations};
 use crate::evolve::summary::Frequency;
 use crate::evolve::{Outcome, Summary};
 use crate::expr::text::latex;
@@ -20,7 +20,7 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
     let _ = writeln!(
         page,
         "Training error {} (sum of RelMSE over {}), {} nodes, radius {}, seed {}. The search {} \
-         after generation {} of {}; it judged {} ({} more had been judged before).\n",
+         after generation {} of {}. It {} ({} more had been judged before).\n",
         number::error(best.full),
         number::plural(origin.scores.scenes.len(), "scene"),
         best.tree.len(),
@@ -29,7 +29,7 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
         ending(outcome.ending),
         generations(outcome).unwrap_or(0),
         origin.settings.generations,
-        number::plural(outcome.evaluations, "expression"),
+        effort(outcome),
         number::count(outcome.memo_hits),
     );
     let _ = writeln!(page, "```text\n{}\n```\n\n$${}$$\n", best.tree, latex(&best.tree));

@@ -81,6 +81,16 @@ const PARAMETERS: &[Parameter] = parameters! {
         "Best expressions judged on all pixels at the end";
     "batch" "N" batch:
         "Expressions judged at once; no result depends on it";
+    "together" "N" together:
+        "Expressions compiled into one program, which computes once what they share; no result depends on it";
+    "racing" "on|off" racing.on:
+        "Whether expressions that cannot win are given up early (not in the paper)";
+    "rungs" "SHARE,..." racing.rungs:
+        "Shares of the pixels looked at after which some are given up";
+    "bar" "QUANTILE" racing.bar:
+        "What they have to beat: this quantile of their island's last generation, 0 for its best";
+    "deviations" "N" racing.deviations:
+        "By how many standard errors they must fail to";
 };
 
 /// The one parameter that a resumed search may change.
@@ -106,6 +116,28 @@ macro_rules! plain_text {
 }
 
 plain_text! { u32 u64 usize f64 String }
+
+impl Text for bool {
+    fn text(&self) -> String {
+        if *self { "on" } else { "off" }.to_owned()
+    }
+    fn parsed(text: &str) -> Result<Self, String> {
+        match text {
+            "on" => Ok(true),
+            "off" => Ok(false),
+            _ => Err("must be `on` or `off`".to_owned()),
+        }
+    }
+}
+
+impl Text for Vec<f64> {
+    fn text(&self) -> String {
+        self.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+    }
+    fn parsed(text: &str) -> Result<Self, String> {
+        text.split(',').map(|number| f64::parsed(number.trim())).collect()
+    }
+}
 
 impl Text for Vec<String> {
     fn text(&self) -> String {
@@ -219,6 +251,8 @@ mod tests {
             let other = match parameter.flag {
                 "initial" => "gaussian".to_owned(),
                 "forbid" => "depth,sin".to_owned(),
+                "racing" => "on".to_owned(),
+                "rungs" => "0.25,0.75".to_owned(),
                 _ => format!("{}", value.parse::<f64>().expect("a number") + 1.0),
             };
             let flag = format!("--{}", parameter.flag);

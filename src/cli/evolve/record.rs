@@ -1,7 +1,7 @@
 //! Where a bred filter comes from, as its file tells.
 
-use crate::evolve::{Ending, Outcome, Settings};
-use crate::report::ScoreTable;
+use crate::evolve::{Ending, Outcome, Settings, Work};
+use crate::report::{ScoreTable, number};
 
 /// What a run was started with, beside its settings.
 pub(super) struct Origin<'a> {
@@ -27,6 +27,9 @@ pub(super) fn training(origin: &Origin<'_>, outcome: &Outcome) -> toml::Table {
     put("ending", ending(outcome.ending).into());
     put("generations", integer(generations(outcome).unwrap_or(0)));
     put("expressions-judged", integer(outcome.evaluations));
+    put("expressions-dropped", integer(outcome.dropped));
+    put("pixel-pairs", integer(outcome.work.done));
+    put("pixel-pairs-without-racing", integer(outcome.work.exhaustive));
     put("backend", origin.backend.into());
     let scenes = origin.scores.scenes.iter().map(|score| {
         let mut scene = toml::Table::new();
@@ -57,6 +60,23 @@ pub(super) fn ending(ending: Ending) -> &'static str {
         Ending::Stopped => "stopped by the user",
         Ending::TimeLimit => "stopped by the time limit",
     }
+}
+
+/// What judging took, in words.
+pub(super) fn effort(outcome: &Outcome) -> String {
+    let Work { done, exhaustive } = outcome.work;
+    let judged = number::plural(outcome.evaluations, "expression");
+    if outcome.dropped == 0 && done == exhaustive {
+        return format!("judged {judged}: {:.3e} pixel pairs", done as f64);
+    }
+    format!(
+        "judged {judged}, {} of them given up early: {:.3e} pixel pairs, {} of the {:.3e} that judging \
+         all in full takes",
+        number::count(outcome.dropped),
+        done as f64,
+        number::percent(done as usize, exhaustive as usize),
+        exhaustive as f64,
+    )
 }
 
 fn integer(n: impl TryInto<i64>) -> toml::Value {

@@ -1,0 +1,354 @@
+//! The search's speed, on a population that is bred first.
+//!
+//! ```text
+//! cargo bench --bench evolve                      # individuals and pixel pairs per second
+//! cargo bench --bench evolve -- together          # how many expressions to compile into one program
+//! cargo bench --bench evolve -- racing --seeds 10 # what racing saves, and whether it costs quality
+//! cargo bench --bench evolve -- generation        # generations of the paper's size; minutes each
+//! ```
+//!
+//! The first two take `--expressions` and `--share`, the part of the training pixels to judge on;
+//! `racing` takes `--share`, `--radius`, `--rungs`, `--bar` and `--deviations` as `tamis evolve` does,
+//! `generation` those but the first two, and `--count`.
+
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Instant;
+
+use tamis::backend::{Backend, Interpreter, Jit};
+use tamis::evolve::images::TOGETHER;
+use tamis::evolve::{
+    Control, Coverage, Event, Fitness, ImageFitness, Outcome, Preset, Racing, Search, Settings,
+    TrainingScene,
+};
+use tamis::expr::Tree;
+use tamis::plan::{Passes, Window};
+use tamis::scene::{Image, LoadOptions, Needs, Scene};
+use tamis_jit::Chains;
+
+const SCENES: [&str; 6] = ["foundry", "meadow", "old_town", "print_shop", "still_life", "study"];
+
+/// The paper's window.
+const RADIUS: u32 = 10;
+
+/// How much of each measurement is done.
+struct Extent {
+    rounds: usize,
+    /// Expressions judged in a round.
+    expressions: usize,
+    /// Generations bred before.
+    generations: u32,
+    /// Share of the pixels that they are bred on.
+    share: f64,
+    /// Share of the pixels that they are judged on.
+    judged: f64,
+}
+
+const WHOLE: Extent =
+    Extent { rounds: 3, expressions: 32, generations: 20, share: 0.02, judged: 1.0 };
+
+/// To see that it runs.
+const ONCE: Extent =
+    Extent { rounds: 1, expressions: 3, generations: 1, share: 0.002, judged: 0.002 };
+
+/// A way to judge expressions.
+struct Way {
+    name: String,
+    backend: Box<dyn Backend>,
+    passes: Passes,
+    together: usize,
+}
+
+impl Way {
+    fn jit(name: impl Into<String>, chains: Chains, passes: Passes, together: usize) -> Self {
+        let jit = Jit::new().expect("the host has a code generator").with_chains(chains);
+        Self { name: name.into(), backend: Box::new(jit), passes, together }
+    }
+}
+
+/// What is compared.
+fn ways() -> Vec<Way> {
+    let converged = false;
+    let symmetric = Passes { converged, ..Passes::ALL };
+    let plain = Passes { support: false, symmetry: false, ..symmetric };
+    vec![
+        Way {
+            name: "interp, one by one".to_owned(),
+            backend: Box::new(Interpreter),
+            passes: plain,
+            together: 1,
+        },
+        Way::jit("jit, one by one", Chains::Four, plain, 1),
+        Way::jit("the same, symmetric", Chains::Four, symmetric, 1),
+        Way::jit(format!("jit, {TOGETHER} together"), Chains::Four, plain, TOGETHER),
+        Way::jit("the same, symmetric", Chains::Four, symmetric, TOGETHER),
+    ]
+}
+
+fn median(mut samples: Vec<f64>) -> f64 {
+    samples.sort_by(f64::total_cmp);
+    samples[samples.len() / 2]
+}
+
+fn training(radius: u32) -> Vec<TrainingScene> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/train");
+    let load = |name| {
+        let folder = root.join(name);
+        let (options, pad) = (LoadOptions::default(), radius as usize);
+        let noisy = Scene::load(&folder.join("4spp.exr"), &Needs::everything(), pad, &options);
+        let reference = Image::load(&folder.join("reference.exr"));
+        TrainingScene::new(noisy.expect("ours"), reference.expect("ours")).expect("of one size")
+    };
+    SCENES.map(load).into()
+}
+
+fn fitness<'a>(way: &'a Way, radius: u32, coverage: Coverage) -> ImageFitness<'a> {
+    ImageFitness::new(training(radius), Window::dense(radius), coverage, &*way.backend)
+        .with_passes(way.passes)
+        .together(way.together)
+}
+
+/// Distinct expressions of a bred population, island by island.
+fn population(extent: &Extent) -> Vec<Tree> {
+    let settings = Settings {
+        generations: extent.generations,
+        radius: 5,
+        share: extent.share,
+        initial: "cross-bilateral".to_owned(),
+        ..Preset::Paper.settings()
+    };
+    let way = Way::jit("", Chains::Four, Passes::ALL, TOGETHER);
+    let fitness = fitness(&way, settings.radius, Coverage::of(&settings));
+    let mut search = Search::new(settings, &fitness).expect("the paper's settings make sense");
+    let outcome = search.run(&Control::default(), &mut |_| {}).expect("judging cannot fail");
+    let mut trees: Vec<Tree> = Vec::new();
+    for individual in outcome.islands.into_iter().flatten() {
+        if !trees.contains(&individual.tree) {
+            trees.push(individual.tree);
+        }
+    }
+    trees.truncate(extent.expressions);
+    trees
+}
+
+/// Individuals and pairs per second of each way, in interleaved rounds.
+fn rates(ways: &[Way], trees: &[Tree], extent: &Extent) {
+    let batch = Preset::Paper.settings().batch;
+    let coverage = match extent.judged < 1.0 {
+        true => Coverage::Share { share: extent.judged, seed: 1 },
+        false => Coverage::Full,
+    };
+    let judges: Vec<ImageFitness<'_>> =
+        ways.iter().map(|way| fitness(way, RADIUS, coverage)).collect();
+    let mut seconds = vec![Vec::new(); ways.len()];
+    for _ in 0..extent.rounds {
+        for (judge, seconds) in judges.iter().zip(&mut seconds) {
+            let start = Instant::now();
+            for batch in trees.chunks(batch) {
+                black_box(judge.evaluate(batch).expect("judging cannot fail"));
+            }
+            seconds.push(start.elapsed().as_secs_f64());
+        }
+    }
+    let seconds: Vec<f64> = seconds.into_iter().map(median).collect();
+    println!(
+        "{} expressions of a bred population on {:.1}% of the training pixels, radius {RADIUS}, \
+         {} threads, medians of {} interleaved rounds",
+        trees.len(),
+        100.0 * extent.judged,
+        rayon::current_num_threads(),
+        extent.rounds
+    );
+    println!("{:<24} {:>14} {:>14} {:>8}", "way", "individuals/s", "pairs/s", "ratio");
+    for ((way, judge), time) in ways.iter().zip(&judges).zip(&seconds) {
+        let (individuals, pairs) = (trees.len() as f64 / time, judge.pairs() as f64);
+        let ratio = seconds[ways.len().min(2) - 1] / time;
+        println!(
+            "{:<24} {individuals:>14.1} {:>14.2e} {ratio:>8.2}",
+            way.name,
+            pairs * individuals
+        );
+    }
+}
+
+/// How many expressions to compile into one program, and with how many chains.
+fn together(trees: &[Tree], extent: &Extent) {
+    let mut ways = vec![Way::jit("1, 16 pixels a step", Chains::Four, Passes::ALL, 1)];
+    ways.push(Way::jit("1, again", Chains::Four, Passes::ALL, 1));
+    for chains in Chains::ALL {
+        for together in [4, 8, 16, 32] {
+            let name = format!("{together}, {} pixels a step", chains.step());
+            ways.push(Way::jit(name, chains, Passes::ALL, together));
+        }
+    }
+    rates(&ways, trees, extent);
+}
+
+/// A whole search, which the listener hears of with the time; how long it took.
+fn breed(settings: &Settings, listener: &mut dyn FnMut(f64, Event<'_>)) -> (Outcome, f64) {
+    let way = Way::jit("", Chains::Four, Passes::ALL, settings.together);
+    let fitness = fitness(&way, settings.radius, Coverage::of(settings))
+        .racing(&settings.racing, settings.seed);
+    let mut search = Search::new(settings.clone(), &fitness).expect("settings that make sense");
+    let start = Instant::now();
+    let mut listener = |event: Event<'_>| listener(start.elapsed().as_secs_f64(), event);
+    let outcome = search.run(&Control::default(), &mut listener).expect("judging cannot fail");
+    (outcome, start.elapsed().as_secs_f64())
+}
+
+/// Mean and standard error.
+fn spread(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|x| (x - mean).powi(2)).sum();
+    (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
+}
+
+/// Races as the command line asks for.
+fn raced(options: &Options, otherwise: &Racing) -> Racing {
+    Racing {
+        on: true,
+        rungs: options.list("--rungs").unwrap_or(otherwise.rungs.clone()),
+        bar: options.number("--bar", otherwise.bar),
+        deviations: options.number("--deviations", otherwise.deviations),
+    }
+}
+
+/// Small searches with and without races, seed by seed.
+fn racing(options: &Options, extent: &Extent) {
+    let small = Settings {
+        islands: 2,
+        island_size: 30,
+        generations: 12.min(extent.generations),
+        radius: options.number("--radius", 3.0) as u32,
+        share: options.number("--share", if extent.rounds > 1 { 1.0 } else { extent.share }),
+        ..Preset::Paper.settings()
+    };
+    let racing = raced(options, &small.racing);
+    let seeds = options.number("--seeds", if extent.rounds > 1 { 10.0 } else { 1.0 }) as u64;
+    println!(
+        "{} x {} expressions, {} generations, {} of the pixels, radius {}; {racing:?}",
+        small.islands, small.island_size, small.generations, small.share, small.radius
+    );
+    println!(
+        "{:>4} {:>12} {:>12} {:>10} {:>8} {:>8} {:>10} {:>10}",
+        "seed", "all in full", "racing", "log ratio", "pairs", "dropped", "time, s", "racing, s"
+    );
+    let (mut ratios, mut shares, mut times) = (Vec::new(), Vec::new(), Vec::new());
+    for seed in 1..=seeds {
+        let mut settings = Settings { seed, ..small.clone() };
+        settings.racing.on = false;
+        let (thorough, slow) = breed(&settings, &mut |_, _| {});
+        settings.racing = racing.clone();
+        let (raced, fast) = breed(&settings, &mut |_, _| {});
+        let [thorough_error, raced_error] = [&thorough, &raced].map(|o| o.best().full);
+        ratios.push((raced_error / thorough_error).ln());
+        shares.push(raced.work.done as f64 / thorough.work.done as f64);
+        times.push(fast / slow);
+        println!(
+            "{seed:>4} {thorough_error:>12.4} {raced_error:>12.4} {:>10.4} {:>8.3} {:>8.3} {slow:>10.1} \
+             {fast:>10.1}",
+            ratios.last().expect("just pushed"),
+            shares.last().expect("just pushed"),
+            raced.dropped as f64 / raced.evaluations as f64,
+        );
+    }
+    let (mean, error) = spread(&ratios);
+    println!(
+        "log of the ratio of final errors: mean {mean:.4}, standard error {error:.4}; pairs {:.3}, \
+         time {:.3} of judging all in full",
+        spread(&shares).0,
+        spread(&times).0
+    );
+}
+
+/// The paper's search for some generations, and what all of them will take.
+fn generation(options: &Options, extent: &Extent) {
+    let whole = Preset::Paper.settings().generations;
+    let mut settings = match extent.rounds > 1 {
+        true => Settings {
+            generations: options.number("--count", 2.0) as u32,
+            ..Preset::Paper.settings()
+        },
+        false => Settings {
+            generations: 1,
+            share: extent.share,
+            radius: 2,
+            island_size: 4,
+            ..Preset::Paper.settings()
+        },
+    };
+    settings.racing = raced(options, &settings.racing);
+    let mut ends: Vec<f64> = Vec::new();
+    let mut done = 0;
+    println!("{:>10} {:>10} {:>12} {:>12}", "generation", "seconds", "pairs", "of all");
+    let (outcome, total) = breed(&settings, &mut |now, event| {
+        if let Event::Generation { generation, islands, .. } = event {
+            let before = ends.last().copied().unwrap_or(0.0);
+            ends.push(now);
+            let work = islands[0].work;
+            println!(
+                "{generation:>10} {:>10.1} {:>12.2e} {:>11.1}%",
+                ends.last().expect("just pushed") - before,
+                (work.done - done) as f64,
+                100.0 * work.done as f64 / work.exhaustive as f64
+            );
+            done = work.done;
+        }
+    });
+    let (first, last) = (ends[0], ends[ends.len() - 1]);
+    let each = (last - first) / (ends.len() - 1).max(1) as f64;
+    println!(
+        "finalists {:.1} s; {each:.1} s a generation after the first, so that {whole} take {:.0} minutes; \
+         error {:.4}",
+        total - last,
+        (total + each * (f64::from(whole) - (ends.len() - 1) as f64)) / 60.0,
+        outcome.best().full
+    );
+}
+
+/// What the command line gives beside the measurement's name.
+struct Options(Vec<String>);
+
+impl Options {
+    fn text(&self, name: &str) -> Option<&str> {
+        let at = self.0.iter().position(|argument| argument == name)?;
+        self.0.get(at + 1).map(String::as_str)
+    }
+
+    fn number(&self, name: &str, otherwise: f64) -> f64 {
+        self.text(name).map_or(otherwise, |text| text.parse().expect("a number"))
+    }
+
+    fn list(&self, name: &str) -> Option<Vec<f64>> {
+        let text = self.text(name)?;
+        Some(text.split(',').map(|number| number.parse().expect("numbers")).collect())
+    }
+}
+
+fn main() {
+    // `cargo test --benches` runs this too, to see that it runs.
+    let given: Vec<String> = std::env::args().skip(1).collect();
+    let asked = given.iter().any(|argument| argument == "--bench");
+    let extent = if asked { WHOLE } else { ONCE };
+    let name = given.first().filter(|argument| !argument.starts_with('-')).cloned();
+    let options = Options(given);
+    let extent = Extent {
+        expressions: options.number("--expressions", extent.expressions as f64) as usize,
+        judged: options.number("--share", extent.judged),
+        ..extent
+    };
+    match name.as_deref() {
+        None => {
+            rates(&ways(), &population(&extent), &extent);
+            if !asked {
+                racing(&options, &extent);
+                generation(&options, &extent);
+            }
+        }
+        Some("together") => together(&population(&extent), &extent),
+        Some("racing") => racing(&options, &extent),
+        Some("generation") => generation(&options, &extent),
+        Some(other) => panic!("`{other}` is no measurement: see the head of benches/evolve.rs"),
+    }
+}

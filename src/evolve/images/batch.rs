@@ -1,0 +1,143 @@
+//! Many expressions as one program.
+//!
+//! A generation is full of relatives. Planned together they share one tape, in
+//! which what they have in common (subtrees, distances, loads) is computed once;
+//! and expressions whose tapes are the same (`x`, `x * 1`) run once. Neither
+//! changes a bit of any result: an expression's fitness is a function of the
+//! expression alone, whatever company it was judged in.
+
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+use super::sample::Sample;
+use crate::backend::{Backend, BackendError};
+use crate::expr::Tree;
+use crate::expr::tape::{Instr, Tape, Value};
+use crate::plan::{Passes, Plan, PlanError, Window};
+use crate::scene::{Facts, Scene};
+
+/// How expressions become programs.
+pub(super) struct Batching<'a> {
+    pub(super) backend: &'a dyn Backend,
+    pub(super) facts: Facts,
+    pub(super) window: Window,
+    pub(super) passes: Passes,
+    /// Most expressions in one plan.
+    pub(super) together: usize,
+}
+
+/// A plan's tapes as a key: equal keys, equal programs.
+#[derive(PartialEq, Eq, Hash)]
+struct Program(Vec<(Vec<Instr>, Vec<Value>)>);
+
+impl Program {
+    fn of(plan: &Plan) -> Self {
+        let code = |tape: &Tape| (tape.instrs().to_vec(), tape.results().to_vec());
+        Self([plan.tap(), plan.pixel(), plan.pair()].map(code).into())
+    }
+}
+
+impl Batching<'_> {
+    /// A plan for whole images.
+    pub(super) fn plan(&self, trees: &[Tree]) -> Result<Plan, PlanError> {
+        Plan::new(trees, self.window, &self.facts, self.passes)
+    }
+
+    /// The passes for these samples. Computing pairs for both of their ends takes
+    /// all rows above a rectangle and all columns beside it that reach it: in small
+    /// tiles that is more than it saves. It changes no bit.
+    fn passes_for(&self, samples: &[(&Scene, &Sample)]) -> Passes {
+        let reach = self.window.reach() as usize;
+        let rects = || {
+            samples.iter().flat_map(|(scene, sample)| {
+                let width = scene.layout().width();
+                sample.region().iter().map(move |rect| (width, rect))
+            })
+        };
+        let wanted: usize = rects().map(|(_, rect)| rect.pixels()).sum();
+        let computed = rects().map(|(width, rect)| {
+            (rect.width + 2 * reach).min(width) * (rect.height + (reach / 2).min(rect.y))
+        });
+        let compact = computed.sum::<usize>() * 4 < wanted * 5;
+        Passes { symmetry: self.passes.symmetry && compact, ..self.passes }
+    }
+
+    /// Runs every tree on every sample and measures what comes out: per tree,
+    /// what `measure` makes of the pixels of each sample, by its number. `None`
+    /// for a tree that cannot be planned, compiled or run.
+    pub(super) fn run<T: Clone + Send + Sync>(
+        &self,
+        trees: &[Tree],
+        samples: &[(&Scene, &Sample)],
+        measure: impl Fn(usize, &[[f32; 3]]) -> T + Sync,
+    ) -> Vec<Option<Vec<T>>> {
+        let passes = self.passes_for(samples);
+        let plan = |trees: &[Tree]| Plan::new(trees, self.window, &self.facts, passes);
+        let plans: Vec<Option<Plan>> =
+            trees.par_iter().map(|tree| plan(std::slice::from_ref(tree)).ok()).collect();
+        // The first of those with equal programs runs for all of them.
+        let mut first = FxHashMap::default();
+        let leader: Vec<Option<usize>> = plans
+            .iter()
+            .enumerate()
+            .map(|(k, plan)| Some(*first.entry(Program::of(plan.as_ref()?)).or_insert(k)))
+            .collect();
+        let runs = |signed| {
+            let plans = &plans;
+            let runs = move |&k: &usize| plans[k].as_ref().is_some_and(|p| p.signed() == signed);
+            (0..trees.len()).filter(|&k| leader[k] == Some(k)).filter(runs).collect::<Vec<_>>()
+        };
+        // One weight that may be negative makes a plan sum all magnitudes.
+        let (unsigned, signed) = (runs(false), runs(true));
+        let batches: Vec<&[usize]> =
+            [&unsigned, &signed].into_iter().flat_map(|runs| self.cut(runs)).collect();
+        let measured: FxHashMap<usize, Vec<T>> = batches
+            .par_iter()
+            .flat_map_iter(|batch| {
+                let members: Vec<Tree> = batch.iter().map(|&k| trees[k].clone()).collect();
+                let in_company = |members: &[Tree]| {
+                    let measured = self.measure(&plan(members).ok()?, samples, &measure);
+                    Some(measured.ok()?.into_iter().map(Some).collect())
+                };
+                let alone = |&k: &usize| {
+                    let measured = self.measure(plans[k].as_ref()?, samples, &measure);
+                    Some(measured.ok()?.swap_remove(0))
+                };
+                // What fails in company may well do alone.
+                let each: Vec<Option<Vec<T>>> = match members.len() {
+                    1 => None,
+                    _ => in_company(&members),
+                }
+                .unwrap_or_else(|| batch.iter().map(alone).collect());
+                let named = batch.iter().zip(each).map(|(&k, measured)| Some((k, measured?)));
+                named.flatten().collect::<Vec<_>>()
+            })
+            .collect();
+        leader.into_iter().map(|leader| measured.get(&leader?).cloned()).collect()
+    }
+
+    /// Cuts a list into the fewest batches, of equal size.
+    fn cut<'a>(&self, list: &'a [usize]) -> impl Iterator<Item = &'a [usize]> {
+        let batches = list.len().div_ceil(self.together);
+        list.chunks(list.len().div_ceil(batches.max(1)).max(1))
+    }
+
+    /// Per weight of a plan, what `measure` makes of each sample.
+    fn measure<T>(
+        &self,
+        plan: &Plan,
+        samples: &[(&Scene, &Sample)],
+        measure: impl Fn(usize, &[[f32; 3]]) -> T,
+    ) -> Result<Vec<Vec<T>>, BackendError> {
+        let code = self.backend.compile(plan)?;
+        let weights = plan.pair().results().len();
+        let mut measured: Vec<Vec<T>> = (0..weights).map(|_| Vec::new()).collect();
+        for (k, (scene, sample)) in samples.iter().enumerate() {
+            let filtered = code.run(scene, sample.region())?;
+            for (measured, filtered) in measured.iter_mut().zip(filtered) {
+                measured.push(measure(k, &filtered.pixels));
+            }
+        }
+        Ok(measured)
+    }
+}

@@ -1,0 +1,224 @@
+//! The fitness of the paper: the error that an expression leaves in scenes
+//! (Section 4.3).
+
+mod batch;
+mod coverage;
+mod race;
+mod rungs;
+mod sample;
+
+use std::sync::Mutex;
+
+use super::fitness::Fitness;
+use super::race::{Entrant, Ruling};
+use super::settings::Racing;
+use crate::backend::{Backend, BackendError, Rect};
+use crate::expr::Tree;
+use crate::plan::{Passes, PlanError, Window};
+use crate::scene::facts::Facts;
+use crate::scene::{Image, Scene, SceneError, metric};
+use batch::Batching;
+pub use coverage::Coverage;
+use race::Course;
+use rungs::Ladder;
+use sample::{Sample, mean};
+
+/// A scene to train on: noisy input, features, and the clean reference.
+#[derive(Debug)]
+pub struct TrainingScene {
+    scene: Scene,
+    reference: Image,
+}
+
+impl TrainingScene {
+    /// Pairs a scene with its reference.
+    ///
+    /// # Errors
+    /// If the two differ in size.
+    pub fn new(scene: Scene, reference: Image) -> Result<Self, SceneError> {
+        // Comparing the noisy image with the reference is the check, and says
+        // which is which if it fails.
+        metric::Metrics::of(&scene.noisy(), &reference)?;
+        Ok(Self { scene, reference })
+    }
+
+    /// The noisy side.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The clean side.
+    pub fn reference(&self) -> &Image {
+        &self.reference
+    }
+}
+
+/// Expressions in one plan, unless told otherwise.
+pub const TOGETHER: usize = 8;
+
+/// Judges expressions by the sum over scenes of the relative mean square error.
+pub struct ImageFitness<'a> {
+    scenes: Vec<TrainingScene>,
+    /// What breeding looks at, scene by scene.
+    samples: Vec<Sample>,
+    coverage: Coverage,
+    batching: Batching<'a>,
+    /// Where races are run; without one every entrant is judged in full.
+    course: Option<Course>,
+}
+
+/// Why an expression could not be judged in a report.
+#[derive(Debug, thiserror::Error)]
+pub enum JudgeError {
+    /// There is no plan for it.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// It could not be run.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+}
+
+/// The errors that a filter leaves in one scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneErrors {
+    /// Which scene.
+    pub scene: String,
+    /// Against the reference.
+    pub metrics: metric::Metrics,
+}
+
+impl<'a> ImageFitness<'a> {
+    /// A fitness over scenes, all loaded with padding for the window.
+    pub fn new(
+        scenes: Vec<TrainingScene>,
+        window: Window,
+        coverage: Coverage,
+        backend: &'a dyn Backend,
+    ) -> Self {
+        let samples = scenes.iter().enumerate().map(|(k, training)| {
+            Sample::new(training, coverage.region(Rect::whole(&training.scene), k))
+        });
+        let samples = samples.collect();
+        let facts = Facts::of_all(scenes.iter().map(|training| &training.scene));
+        // A pixel's bits must not depend on whether its window is converged in one
+        // plan and filtered in another, and little in training scenes is.
+        let passes = Passes { converged: false, ..Passes::ALL };
+        let batching = Batching { backend, facts, window, passes, together: TOGETHER };
+        Self { scenes, samples, coverage, batching, course: None }
+    }
+
+    /// The same, judging so many expressions in one plan; the values are the same.
+    #[must_use]
+    pub fn together(mut self, expressions: usize) -> Self {
+        self.batching.together = expressions.max(1);
+        self
+    }
+
+    /// The same, racing as settings ask for on pixels that `seed` names.
+    #[must_use]
+    pub fn racing(mut self, racing: &Racing, seed: u64) -> Self {
+        self.course = racing.on.then(|| Course {
+            ladder: Ladder::new(&self.scenes, &self.samples, &racing.rungs, seed),
+            deviations: racing.deviations,
+            known: Mutex::default(),
+        });
+        self
+    }
+
+    /// The same, planning with other passes.
+    #[must_use]
+    pub fn with_passes(mut self, passes: Passes) -> Self {
+        self.batching.passes = passes;
+        self
+    }
+
+    /// What holds of all scenes: what is absent here no expression may read.
+    pub fn facts(&self) -> &Facts {
+        &self.batching.facts
+    }
+
+    /// The scenes.
+    pub fn scenes(&self) -> &[TrainingScene] {
+        &self.scenes
+    }
+
+    /// Pixel pairs that judging one expression for breeding takes.
+    pub fn pairs(&self) -> usize {
+        let pixels: usize = self.samples.iter().map(Sample::pixels).sum();
+        pixels * self.batching.window.taps()
+    }
+
+    /// The errors that a filter leaves in each scene, all pixels counted.
+    ///
+    /// # Errors
+    /// If the expression cannot be planned for these scenes or compiled.
+    pub fn report(&self, tree: &Tree) -> Result<Vec<SceneErrors>, JudgeError> {
+        let plan = self.batching.plan(std::slice::from_ref(tree))?;
+        let code = self.batching.backend.compile(&plan)?;
+        let judge = |training: &TrainingScene| {
+            let scene = &training.scene;
+            let filtered = code.run(scene, &[Rect::whole(scene)])?.swap_remove(0);
+            let channel = |c: usize| filtered.pixels.iter().map(|p| p[c]).collect::<Vec<f32>>();
+            let (width, height) = (scene.layout().width(), scene.layout().height());
+            let image = Image::new(scene.name(), width, height, [0, 1, 2].map(channel))
+                .expect("one colour per pixel");
+            let metrics = metric::Metrics::of(&image, &training.reference)
+                .expect("TrainingScene::new compared the sizes");
+            Ok(SceneErrors { scene: scene.name().to_owned(), metrics })
+        };
+        self.scenes.iter().map(judge).collect()
+    }
+
+    /// Per tree, the sum over the scenes of the mean error over their samples.
+    /// Whatever cannot be planned, compiled or run is good for nothing, and costs
+    /// the search no more than that.
+    fn errors(&self, trees: &[Tree], samples: &[Sample]) -> Vec<f64> {
+        let error = |k: usize, pixels: &[[f32; 3]]| mean(&samples[k].errors(pixels));
+        let measured = self.batching.run(trees, &self.pairs_of(samples), error);
+        measured.into_iter().map(|errors| errors.map_or(f64::INFINITY, total)).collect()
+    }
+}
+
+/// The sum over the scenes.
+fn total(errors: Vec<f64>) -> f64 {
+    let sum = errors.into_iter().fold(0.0, |sum, error| sum + error);
+    if sum.is_nan() { f64::INFINITY } else { sum }
+}
+
+impl Fitness for ImageFitness<'_> {
+    type Error = std::convert::Infallible;
+
+    fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
+        Ok(self.errors(trees, &self.samples))
+    }
+
+    fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
+        let whole: Vec<Sample> = self.scenes.iter().map(Sample::whole).collect();
+        Ok(self.errors(trees, &whole))
+    }
+
+    fn race(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Self::Error> {
+        match &self.course {
+            Some(course) => Ok(self.run_race(course, entrants)),
+            None => self.judge_all(entrants),
+        }
+    }
+
+    /// Pixel pairs.
+    fn work(&self) -> u64 {
+        self.pairs() as u64
+    }
+
+    fn identity(&self) -> String {
+        let names: Vec<&str> = self.scenes.iter().map(|t| t.scene.name()).collect();
+        format!(
+            "relmse of {} over {:?}, {:?}",
+            names.join(" "),
+            self.batching.window,
+            self.coverage
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,245 @@
+//! Laws of the paper's fitness, on two of the project's own scenes.
+
+use std::path::Path;
+
+use super::*;
+use crate::backend::{Executable, Interpreter};
+use crate::evolve::materials::Materials;
+use crate::evolve::mutation::mutate;
+use crate::evolve::race::{Bar, Verdict};
+use crate::evolve::rng::stream;
+use crate::evolve::settings::Preset;
+use crate::expr::tape::Input;
+use crate::plan::Plan;
+use crate::scene::{LoadOptions, Needs};
+
+const RADIUS: u32 = 3;
+
+/// About two rows of each tile column: enough to tell expressions apart.
+const COVERAGE: Coverage = Coverage::Share { share: 0.03, seed: 5 };
+
+fn scenes() -> Vec<TrainingScene> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/train");
+    let load = |name| {
+        let folder = root.join(name);
+        let options = LoadOptions::default();
+        let noisy =
+            Scene::load(&folder.join("4spp.exr"), &Needs::everything(), RADIUS as usize, &options);
+        let reference = Image::load(&folder.join("reference.exr"));
+        TrainingScene::new(noisy.unwrap(), reference.unwrap()).unwrap()
+    };
+    ["study", "meadow"].map(load).into()
+}
+
+fn fitness(backend: &dyn Backend) -> ImageFitness<'_> {
+    ImageFitness::new(scenes(), Window::dense(RADIUS), COVERAGE, backend)
+}
+
+/// Bred expressions, and a brood of each that grows apart from it.
+fn bred(count: usize) -> Vec<Tree> {
+    let settings = Preset::Quick.settings();
+    let materials = Materials::new(&settings).unwrap();
+    let fixture = include_str!("../../../tests/fixture/bred.txt");
+    let parents: Vec<Tree> = fixture
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(|line| line.parse().unwrap())
+        .collect();
+    (0..count)
+        .map(|k| {
+            let mut rng = stream(11, 0, 0, k);
+            let generations = k / parents.len();
+            (0..generations).fold(parents[k % parents.len()].clone(), |tree, _| {
+                mutate(&tree, &materials, &settings, &mut rng)
+            })
+        })
+        .collect()
+}
+
+/// Every CPU back end that this build has.
+fn backends() -> Vec<Box<dyn Backend>> {
+    vec![
+        Box::new(Interpreter),
+        #[cfg(feature = "jit")]
+        Box::new(crate::backend::Jit::new().unwrap()),
+    ]
+}
+
+#[test]
+fn company_changes_no_bit() {
+    let trees = bred(300);
+    let alone = fitness(&Interpreter).together(1).evaluate(&trees).unwrap();
+    assert!(alone.iter().filter(|e| e.is_finite()).count() > 200);
+    for backend in backends() {
+        for together in [2, 7, 64] {
+            let values = fitness(&*backend).together(together).evaluate(&trees).unwrap();
+            for ((tree, alone), value) in trees.iter().zip(&alone).zip(values) {
+                assert_eq!(value.to_bits(), alone.to_bits(), "{together} together: {tree}");
+            }
+        }
+    }
+}
+
+/// Compiles plans of a few weights only, and none that reads depth.
+struct Limited;
+
+impl Backend for Limited {
+    fn name(&self) -> &'static str {
+        "limited"
+    }
+
+    fn agreement(&self) -> crate::backend::Agreement {
+        crate::backend::Agreement::Bits
+    }
+
+    fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
+        let reads_depth = plan.planes().iter().any(|p| p.feature == crate::expr::Feature::Depth);
+        if reads_depth || plan.pair().results().len() > 3 {
+            return Err(BackendError::Padding { reach: 1, pad: 0 });
+        }
+        Interpreter.compile(plan)
+    }
+}
+
+#[test]
+fn one_that_fails_takes_nobody_along() {
+    let trees: Vec<Tree> = [
+        "exp(-distance2(normal, normal))",
+        "distance2(depth, depth)",
+        "exp(-distance2(normal, normal) / 2)",
+        "exp(-distance2(texture, texture))",
+        "1",
+    ]
+    .map(|text| text.parse().unwrap())
+    .into();
+    let expected = fitness(&Interpreter).together(1).evaluate(&trees).unwrap();
+    for together in [1, 2, 3, 5] {
+        let mut values = fitness(&Limited).together(together).evaluate(&trees).unwrap();
+        assert_eq!(std::mem::replace(&mut values[1], expected[1]), f64::INFINITY);
+        assert_eq!(values, expected, "{together} together");
+    }
+}
+
+#[test]
+fn breeding_on_all_pixels_is_judging_in_full() {
+    let trees = bred(10);
+    let backend = Interpreter;
+    let fitness = ImageFitness::new(scenes(), Window::dense(1), Coverage::Full, &backend);
+    assert_eq!(fitness.evaluate(&trees).unwrap(), fitness.evaluate_full(&trees).unwrap());
+}
+
+/// Races on a quarter and a half of the pixels.
+fn racing(deviations: f64) -> Racing {
+    Racing { on: true, rungs: vec![0.25, 0.5], bar: 0.5, deviations }
+}
+
+/// Races trees against the third best of them; with their fitness.
+fn race(judge: &ImageFitness<'_>, trees: &[Tree], values: &[f64]) -> Vec<Ruling> {
+    let mut ranked: Vec<usize> = (0..trees.len()).collect();
+    ranked.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let bar = Bar { tree: &trees[ranked[2]], fitness: values[ranked[2]] };
+    let entrants: Vec<Entrant<'_>> =
+        trees.iter().map(|tree| Entrant { tree, bar: Some(bar) }).collect();
+    judge.race(&entrants).unwrap()
+}
+
+#[test]
+fn who_comes_through_a_race_has_the_fitness_of_one_judged_alone() {
+    let trees = bred(90);
+    let backend = Interpreter;
+    for coverage in [COVERAGE, Coverage::Full] {
+        let judge = |deviations| {
+            ImageFitness::new(scenes(), Window::dense(1), coverage, &backend)
+                .racing(&racing(deviations), 3)
+        };
+        let values = judge(2.0).evaluate(&trees).unwrap();
+        let rulings = race(&judge(2.0), &trees, &values);
+        let full = rulings.iter().filter(|ruling| ruling.verdict.is_full()).count();
+        assert!((3..60).contains(&full), "{full} of {}", trees.len());
+        for (ruling, &value) in rulings.iter().zip(&values) {
+            if let Verdict::Full(judged) = ruling.verdict {
+                assert_eq!(judged.to_bits(), value.to_bits());
+            }
+        }
+        // Held to a bar that nobody can fail, all come through.
+        let rulings = race(&judge(1e300), &trees, &values);
+        let finite = rulings.iter().zip(&values).filter(|(_, value)| value.is_finite());
+        assert!(finite.clone().count() > 60);
+        for (ruling, &value) in finite {
+            assert_eq!(ruling.verdict, Verdict::Full(value));
+        }
+    }
+}
+
+#[test]
+fn a_verdict_depends_on_neither_company_nor_memory() {
+    let trees = bred(60);
+    let backend = Interpreter;
+    let judge = || fitness(&backend).racing(&racing(1.0), 3);
+    let values = judge().evaluate(&trees).unwrap();
+    let cold = race(&judge(), &trees, &values);
+    assert!(cold.iter().any(|ruling| !ruling.verdict.is_full()));
+    // One that has judged the bar in full remembers how it did on each tile.
+    let warm = judge();
+    let unheld: Vec<Entrant<'_>> = trees.iter().map(|tree| Entrant { tree, bar: None }).collect();
+    let full: Vec<f64> = warm.race(&unheld).unwrap().iter().map(|r| r.verdict.value()).collect();
+    assert_eq!(full, values);
+    assert_eq!(race(&warm, &trees, &values), cold);
+    assert_eq!(race(&judge().together(1), &trees, &values), cold);
+}
+
+#[test]
+fn a_race_on_all_pixels_drops_exactly_who_is_worse() {
+    let trees = bred(60);
+    let backend = Interpreter;
+    let racing = Racing { rungs: vec![0.999_999], ..racing(0.0) };
+    let judge = fitness(&backend).racing(&racing, 3);
+    let values = judge.evaluate(&trees).unwrap();
+    let mut ranked = values.clone();
+    ranked.sort_by(f64::total_cmp);
+    for (ruling, value) in race(&judge, &trees, &values).iter().zip(values) {
+        assert_eq!(ruling.verdict.is_full(), value <= ranked[2], "{value} against {}", ranked[2]);
+        let estimate = ruling.verdict.value();
+        assert!(estimate == value || (estimate / value - 1.0).abs() < 1e-9, "{estimate} {value}");
+    }
+}
+
+/// What a plan computes at one made-up pair of pixels: per weight, its value.
+fn weights(plan: &Plan, salt: u32) -> Vec<f32> {
+    let sample = |input: Input| {
+        let name = format!("{input:?}");
+        let hash = name.bytes().fold(salt, |h, b| (h ^ u32::from(b)).wrapping_mul(0x0100_0193));
+        let unit = (hash >> 8) as f32 / (1 << 24) as f32;
+        if let Input::Offset(_) = input { (unit * 7.0).floor() - 3.0 } else { unit }
+    };
+    let (tap, pixel) = (plan.tap().eval(sample), plan.pixel().eval(sample));
+    plan.pair().eval(|input| match input {
+        Input::PerTap(k) => tap[k as usize],
+        Input::PerPixel(k, _) => pixel[k as usize],
+        Input::Plane(..) | Input::Offset(_) => sample(input),
+    })
+}
+
+/// A tape's builder simplifies by what it knows of values, and weights that share
+/// values share that knowledge.
+#[test]
+fn shared_knowledge_changes_no_bit() {
+    let settings = Preset::Paper.settings();
+    let materials = Materials::new(&settings).unwrap();
+    let judge = fitness(&Interpreter);
+    for batch in 0..60 {
+        let tree = |k: usize| {
+            let known = materials.codebook();
+            let mut rng = stream(77, 0, batch, k);
+            (0..k % 12).fold(known[(batch as usize + k) % known.len()].clone(), |tree, _| {
+                mutate(&tree, &materials, &settings, &mut rng)
+            })
+        };
+        let trees: Vec<Tree> = (0..32).map(tree).collect();
+        let together = weights(&judge.batching.plan(&trees).unwrap(), batch);
+        for (tree, value) in trees.iter().zip(together) {
+            let plan = judge.batching.plan(std::slice::from_ref(tree)).unwrap();
+            assert_eq!(value.to_bits(), weights(&plan, batch)[0].to_bits(), "{tree}");
+        }
+    }
+}
