@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the README's section "Time against error": the chart docs/pareto.svg and the
-# table out/bench/table.md, in one run on the test scenes.
+# table docs/pareto.md, in one run on the test scenes.
 #
 #   scripts/pareto.sh [ARGUMENTS of `tamis bench`...]
 #
@@ -17,3 +17,4 @@ done
 if ((${#compilers[@]})); then set -- --cc "${compilers[@]}" "$@"; fi
 target/release/tamis bench "$@"
 cp out/bench/pareto.svg docs/pareto.svg
+cp out/bench/table.md docs/pareto.md

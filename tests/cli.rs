@@ -514,7 +514,7 @@ fn exports_go_to_stdout_or_whole_into_a_file() {
     filter("twice", 2);
     let text = place.done(&["export", "1.toml", "--lang", "c"]);
     assert!(text.starts_with("/*\n") && text.contains("static float edge_aware_weight("), "{text}");
-    assert!(text.contains(EDGE_AWARE) && text.contains("reach = 4"), "{text}");
+    assert!(text.contains(EDGE_AWARE) && text.contains("radius = 4"), "{text}");
     let nothing = place.done(&["export", "1.toml", "--lang", "c", "-o", "filter.c"]);
     assert_eq!((nothing.as_str(), place.bytes("filter.c")), ("", text.into_bytes()));
     let wide = place.done(&["export", EDGE_AWARE, "--lang", "c", "--radius", "7"]);

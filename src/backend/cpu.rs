@@ -9,8 +9,8 @@ use super::block::{Arg, BLOCK, LANES, Program, Slots};
 use super::converged::Changes;
 use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, inside};
 use crate::expr::PlaneId;
-use crate::expr::tape::{Axis, Input, Side, Tape};
-use crate::plan::{Plan, Run, Tapes, Window};
+use crate::expr::tape::{Axis, Input, Side};
+use crate::plan::{Plan, Run, Tapes};
 use crate::scene::Scene;
 use crate::scene::plane::{Layout, Plane, Samples};
 
@@ -455,16 +455,17 @@ fn clear(buffer: &mut Vec<f32>, length: usize) {
     buffer.resize(length, 0.0);
 }
 
-/// The tap tape's results for every offset of the window, row by row from the top,
+/// The tap tape's results for every offset of the support, row by row from the top,
 /// left to right: those of the first tap, then of the second, …
 #[cfg(feature = "gpu")]
-pub(super) fn dense_taps(tape: &Tape, window: Window) -> Vec<f32> {
+pub(super) fn dense_taps(plan: &Plan) -> Vec<f32> {
+    let window = plan.support();
     let along = || {
         let [radius, dilation] = [window.radius, window.dilation].map(|x| x as i32);
         (-radius..=radius).map(move |k| k * dilation)
     };
     let offsets: Vec<[i32; 2]> = along().flat_map(|dy| along().map(move |dx| [dx, dy])).collect();
-    per_tap(&Program::new(tape), &offsets)
+    per_tap(&Program::new(plan.tap()), &offsets)
 }
 
 /// Evaluates the tap tape on offsets: the results of the first tap, then of the

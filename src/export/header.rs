@@ -33,8 +33,12 @@ pub(super) fn lines(subject: &Subject<'_>, called: impl Fn(Term) -> String) -> V
     let weight = subject.weight.to_string().replace(", ", JOINED);
     fill(&mut lines, 4, &weight);
     lines.push(String::new());
+    let farther = match window.radius < subject.plan.window().radius {
+        true => " Those farther away that the filter names have no weight.",
+        false => "",
+    };
     let around = format!(
-        "Pixel j is one of the {diameter} x {diameter} around pixel i{apart}, if the image has it."
+        "Pixel j is one of the {diameter} x {diameter} around pixel i{apart}, if the image has it.{farther}"
     );
     let averaged = "The colours that are averaged stay as they were rendered: linear R, G, B.";
     fill(&mut lines, 0, &format!("{around} {averaged}"));

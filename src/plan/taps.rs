@@ -82,6 +82,11 @@ impl Taps {
         &self.runs
     }
 
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.runs.iter().map(|run| run.count as usize).sum()
+    }
+
     /// How many taps away from the middle the farthest are, along an axis.
     pub(super) fn radius(&self, dilation: u32) -> u32 {
         let along = |run: &Run| run.dx.unsigned_abs().max(run.dy.unsigned_abs());
@@ -135,6 +140,7 @@ mod tests {
                 extent.map_or(0, |e| (2 * e as usize + 1) * if v == 0 { 1 } else { 2 })
             });
             assert_eq!(all.len(), counted.sum::<usize>());
+            assert_eq!(taps.count(), all.len());
             all.dedup();
             assert_eq!(all.len(), both.len());
         }

@@ -227,7 +227,7 @@ fn tap_table(plan: &Plan, quads: usize) -> Vec<f32> {
     if quads == 0 {
         return Vec::new();
     }
-    let dense = dense_taps(plan.tap(), plan.support());
+    let dense = dense_taps(plan);
     let padded = dense
         .chunks_exact(values)
         .flat_map(|tap| tap.iter().copied().chain(std::iter::repeat_n(0.0, quads * QUAD - values)));

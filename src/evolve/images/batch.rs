@@ -85,7 +85,12 @@ impl Batching<'_> {
         let runs = |signed| {
             let plans = &plans;
             let runs = move |&k: &usize| plans[k].as_ref().is_some_and(|p| p.signed() == signed);
-            (0..trees.len()).filter(|&k| leader[k] == Some(k)).filter(runs).collect::<Vec<_>>()
+            let mut list: Vec<usize> =
+                (0..trees.len()).filter(|&k| leader[k] == Some(k)).filter(runs).collect();
+            // A plan takes the taps that count for any of its weights: those whose
+            // support is small should be among themselves.
+            list.sort_by_key(|&k| plans[k].as_ref().map(|plan| plan.taps().count()));
+            list
         };
         // One weight that may be negative makes a plan sum all magnitudes.
         let (unsigned, signed) = (runs(false), runs(true));

@@ -60,7 +60,9 @@ impl ImageFitness<'_> {
                             seen.extend(errors);
                         }
                         let (excess, doubt) = course.ladder.excess(&seen[k], &bars[bar.tree]);
-                        let hopeless = excess > 0.0 && !(excess <= course.deviations * doubt);
+                        // An error that is no number is beyond doubt.
+                        let open = excess <= course.deviations * doubt;
+                        let hopeless = excess > 0.0 && !open;
                         hopeless.then_some(Verdict::Dropped(bar.fitness + excess))
                     }
                 };
@@ -87,13 +89,15 @@ impl ImageFitness<'_> {
             let errors = self.samples[k].errors(pixels);
             (mean(&errors), course.ladder.read(k, &self.samples[k], &errors))
         });
-        let value = |(tree, measured): (&Tree, Option<Vec<(f64, Vec<f64>)>>)| {
-            let (means, tiles) = measured?.into_iter().unzip();
-            course.keep(tree, Arc::new(tiles));
-            Some(total(means))
-        };
-        let values = trees.iter().zip(measured).map(value);
-        values.map(|value| value.unwrap_or(f64::INFINITY)).collect()
+        let mut values = Vec::with_capacity(trees.len());
+        for (tree, measured) in trees.iter().zip(measured) {
+            values.push(measured.map_or(f64::INFINITY, |measured| {
+                let (means, tiles) = measured.into_iter().unzip();
+                course.keep(tree, Arc::new(tiles));
+                total(means)
+            }));
+        }
+        values
     }
 
     /// Per tree and scene, the errors on the tiles that a rung adds.

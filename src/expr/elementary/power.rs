@@ -74,7 +74,7 @@ const EXP2: [f32; 6] =
     [LN_2, 0.240_226_5, 0.055_503_607, 0.009_618_248, 0.001_339_152_5, 0.000_154_315_89];
 
 /// Below this, 2^-128, the result is 0: the scale 2^-127 is flushed.
-const POWER_MIN: f64 = 2.938_735_877_055_718_8e-39;
+const POWER_MIN: f64 = f32::MIN_POSITIVE as f64 / 4.0;
 
 /// Bound of the low part of y log2 x. Where the result is neither 0 nor clamped
 /// that part is a thousand times smaller; elsewhere it could be anything.
