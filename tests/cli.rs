@@ -518,7 +518,7 @@ fn exports_go_to_stdout_or_whole_into_a_file() {
     let nothing = place.done(&["export", "1.toml", "--lang", "c", "-o", "filter.c"]);
     assert_eq!((nothing.as_str(), place.bytes("filter.c")), ("", text.into_bytes()));
     let wide = place.done(&["export", EDGE_AWARE, "--lang", "c", "--radius", "7"]);
-    assert!(wide.contains("float expression_weight(") && wide.contains("reach = 7"), "{wide}");
+    assert!(wide.contains("float expression_weight(") && wide.contains("radius = 7"), "{wide}");
     let equations = place.done(&["export", "kan2017", "--lang", "latex"]);
     assert!(equations.contains("\\begin{equation}"), "{equations}");
 
