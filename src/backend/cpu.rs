@@ -89,6 +89,8 @@ pub(super) struct Taps<'a> {
     pub(super) runs: &'a [Run],
     /// Values of the first tap, then of the second, …
     pub(super) values: &'a [f32],
+    /// Values of each.
+    pub(super) per_tap: usize,
 }
 
 /// What a thread keeps from one strip to the next.
@@ -204,7 +206,7 @@ impl Rates {
         let stride = strip.width.next_multiple_of(summer.step());
         let Scratch { summer: memory, sums, .. } = scratch;
         clear(sums, strip.height * results * stride);
-        let taps = Taps { runs: &self.runs, values: &frame.per_tap };
+        let taps = Taps { runs: &self.runs, values: &frame.per_tap, per_tap: self.tap.results() };
         summer.add(frame, taps, strip, memory, sums, &mut [])?;
         Ok(SumShape { results, stride, first: 0 })
     }
@@ -232,16 +234,20 @@ impl Rates {
         clear(sums, strip.height * row_of_sums);
         clear(owed, self.runs.len() * results * layout.stride());
         clear(waste, row_of_sums);
-        let values = frame.per_tap.len() / self.taps().max(1);
+        let per_tap = self.tap.results();
         let bottom = strip.y + strip.height;
         for y in strip.y.saturating_sub(self.reach)..bottom {
-            let reaches = |run: &&Run| y + (run.dy as usize) < strip.y;
-            let skipped = self.runs.iter().take_while(reaches);
-            let (skipped, skipped_taps) =
-                skipped.fold((0, 0), |(n, taps), run| (n + 1, taps + run.count as usize));
+            // Of a row above the strip, the nearest runs end before it.
+            let short = |run: &&Run| y + (run.dy as usize) < strip.y;
+            let (skipped, skipped_taps) = self
+                .runs
+                .iter()
+                .take_while(short)
+                .fold((0, 0), |(runs, taps), run| (runs + 1, taps + run.count as usize));
             let taps = Taps {
                 runs: &self.runs[skipped..],
-                values: &frame.per_tap[skipped_taps * values..],
+                values: &frame.per_tap[skipped_taps * per_tap..],
+                per_tap,
             };
             let own = match y.checked_sub(strip.y) {
                 Some(row) => &mut sums[row * row_of_sums..][..row_of_sums],
@@ -302,11 +308,6 @@ impl Rates {
         };
         frame.per_pixel = self.per_pixel(&frame, strips);
         Ok(frame)
-    }
-
-    /// How many taps there are.
-    fn taps(&self) -> usize {
-        self.runs.iter().map(|run| run.count as usize).sum()
     }
 
     /// Cuts rectangles into strips of rows, which are handed to threads.

@@ -1,7 +1,7 @@
 //! The interpreter: the reference that every other back end is compared with.
 
 use super::block::{
-    Arg, BLOCK, Block as Sums, LANES, Program, Slots, accumulate, accumulate_magnitude,
+    Arg, BLOCK, Block as Sums, Chunk, LANES, Program, Slots, accumulate, accumulate_magnitude,
 };
 use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, tapes};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
@@ -64,6 +64,28 @@ impl Pair {
     /// Sums per pixel.
     fn results(&self) -> usize {
         self.weights * (CHANNELS + usize::from(self.signed))
+    }
+
+    /// Adds every weight times every channel at `at` to its sum, in order.
+    #[inline(always)]
+    fn add_tap<'a, 'b>(
+        &self,
+        frame: &Frame<'_>,
+        weight: impl Fn(usize) -> Arg<'a>,
+        at: usize,
+        mut sums: impl Iterator<Item = &'b mut [Chunk]>,
+    ) {
+        let mut next = || sums.next().expect("one run of sums per result");
+        for k in 0..self.weights {
+            let w = weight(k);
+            for channel in frame.channels {
+                accumulate(w, channel[at..].as_chunks().0, next());
+            }
+            if self.signed {
+                let one = frame.channels[CHANNELS - 1];
+                accumulate_magnitude(w, one[at..].as_chunks().0, next());
+            }
+        }
     }
 }
 
@@ -134,14 +156,13 @@ impl pulp::WithSimd for Block<'_> {
         let (program, results) = (&pair.program, pair.results());
         let layout = frame.layout;
         let here = layout.index(self.x, self.y);
-        let values = self.taps.values.len()
-            / self.taps.runs.iter().map(|run| run.count as usize).sum::<usize>().max(1);
+        let per_tap = self.taps.per_tap;
         let mut tap = 0;
         let mut inputs: Vec<Arg<'_>> = Vec::with_capacity(program.inputs().len());
         for (index, run) in self.taps.runs.iter().enumerate() {
             let y = self.y.checked_add_signed(run.dy as isize).filter(|&y| y < layout.height());
             let Some(y) = y else {
-                tap += run.count as usize * values;
+                tap += run.count as usize * per_tap;
                 continue;
             };
             partial.resize(results * chunks);
@@ -163,39 +184,17 @@ impl pulp::WithSimd for Block<'_> {
                         Input::Offset(_) => unreachable!("offsets are read through the tap tape"),
                     });
                 }
-                tap += values;
+                tap += per_tap;
                 program.run(&inputs, slots, chunks);
-                let mut partial = partial.chunks_mut().chunks_exact_mut(chunks);
-                for weight in 0..pair.weights {
-                    let w = program.result(weight, &inputs, slots);
-                    for channel in frame.channels {
-                        let sums = partial.next().expect("one run of sums per result");
-                        accumulate(w, channel[there..].as_chunks().0, sums);
-                    }
-                    if pair.signed {
-                        let one = frame.channels[CHANNELS - 1];
-                        let sums = partial.next().expect("one run of sums per result");
-                        accumulate_magnitude(w, one[there..].as_chunks().0, sums);
-                    }
-                }
+                let weight = |k| program.result(k, &inputs, slots);
+                pair.add_tap(frame, weight, there, partial.chunks_mut().chunks_exact_mut(chunks));
                 if pair.mirrored {
                     // The padding of a row of what is owed is that of the planes.
                     let column = there - y * layout.stride();
-                    let mut owed = self.owed[index * results * layout.stride()..]
+                    let owed = self.owed[index * results * layout.stride()..]
                         .chunks_exact_mut(layout.stride())
                         .map(|row| row[column..][..chunks * LANES].as_chunks_mut().0);
-                    for weight in 0..pair.weights {
-                        let w = program.result(pair.weights + weight, &inputs, slots);
-                        for channel in frame.channels {
-                            let sums = owed.next().expect("one row of sums per result");
-                            accumulate(w, channel[here..].as_chunks().0, sums);
-                        }
-                        if pair.signed {
-                            let one = frame.channels[CHANNELS - 1];
-                            let sums = owed.next().expect("one row of sums per result");
-                            accumulate_magnitude(w, one[here..].as_chunks().0, sums);
-                        }
-                    }
+                    pair.add_tap(frame, |k| weight(pair.weights + k), here, owed);
                 }
             }
             for (result, partial) in partial.chunks().chunks_exact(chunks).enumerate() {

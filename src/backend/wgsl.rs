@@ -33,7 +33,7 @@
 //! | `sqrt`, `/` | rounded once | built-in |
 //! | all others | their primitives | their primitives, contracted as the compiler likes |
 //!
-//! `fast` takes 0.4 to 0.95 of the time of `exact` on llvmpipe
+//! `fast` takes 0.4 to 1.1 of the time of `exact` on llvmpipe
 //! (`benches/RESULTS.md`), and its budgets stand in the rows ([`Fast`]).
 //!
 //! [`Fast`]: crate::expr::function::Fast
