@@ -14,7 +14,7 @@ pub(super) struct Timings {
     pub(super) compile: Duration,
     pub(super) filter: Duration,
     pub(super) write: Duration,
-    /// Pairs of pixels that weights were computed for.
+    /// Pairs of pixels in all windows, those included that passes saved.
     pub(super) pairs: usize,
 }
 

@@ -142,7 +142,8 @@ impl<'a> ImageFitness<'a> {
         &self.scenes
     }
 
-    /// Pixel pairs that judging one expression for breeding takes.
+    /// Pixel pairs that judging one expression for breeding looks at, those included
+    /// that passes save.
     pub fn pairs(&self) -> usize {
         let pixels: usize = self.samples.iter().map(Sample::pixels).sum();
         pixels * self.batching.window.taps()
