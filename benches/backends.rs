@@ -1,6 +1,7 @@
 //! Time beside error: nanoseconds per pixel pair and the greatest relative
-//! difference from the exact filter, for every CPU back end on the named
-//! filters, the shipped one and thirty bred trees.
+//! difference from the exact filter, for the interpreter and machine code of every
+//! width that the host has, on the named filters, the shipped one and thirty bred
+//! trees.
 //!
 //! All measurements of a filter are interleaved, round by round, on one thread,
 //! and medians are printed: on a shared machine only ratios within one run mean
@@ -10,15 +11,13 @@
 //! cargo bench --bench backends
 //! ```
 //!
-//! `PLANNED` holds the ratios of four-lane Cranelift code (four chains) to a block
-//! interpreter with 512-bit lanes that were measured when the project was
-//! planned: 2.3 / 2.1 for a cross-bilateral filter, 12.5 / 5.1 for the paper's
-//! with merged exponentials. The last column compares with them.
+//! All of them give the same bits, so one error stands for all. Compile times are
+//! of the narrowest and the widest code, planning not included.
 
 use std::hint::black_box;
 use std::time::Instant;
 
-use tamis::backend::{Backend, Executable, Interpreter, Jit, Rect, oracle};
+use tamis::backend::{Backend, Executable, Interpreter, Jit, Rect, Width, oracle};
 use tamis::expr::{Tree, codebook};
 use tamis::plan::{Passes, Plan, Source, Stage, Window};
 use tamis::scene::{Facts, LoadOptions, Needs, Scene};
@@ -27,13 +26,12 @@ use tamis::scene::{Facts, LoadOptions, Needs, Scene};
 const RADIUS: u32 = 8;
 const ROUNDS: usize = 7;
 
-const PLANNED: [(&str, f64); 2] = [("cross-bilateral", 2.3 / 2.1), ("kan2017", 12.5 / 5.1)];
-
 struct Row {
     name: String,
     interp: f64,
-    jit: f64,
-    compile_ms: f64,
+    /// By width.
+    jit: Vec<f64>,
+    compile_ms: [f64; 2],
     error: f64,
 }
 
@@ -65,32 +63,41 @@ fn error(scene: &Scene, weight: &Tree, code: &dyn Executable) -> f64 {
         .fold(0.0, f64::max)
 }
 
-fn measure(name: String, weight: &Tree, scene: &Scene, facts: &Facts, jit: &Jit) -> Row {
+fn measure(name: String, weight: &Tree, scene: &Scene, facts: &Facts, jits: &[Jit]) -> Row {
     let window = Window::dense(RADIUS);
     let plan = Plan::new(std::slice::from_ref(weight), window, facts, Passes::ALL)
         .expect("the scene has every feature");
     let interpreted = Interpreter.compile(&plan).expect("always possible");
-    let start = Instant::now();
-    let compiled = jit.compile(&plan).expect("a plan of moderate size");
-    let compile_ms = start.elapsed().as_secs_f64() * 1e3;
+    let compile = |jit: &Jit| {
+        let start = Instant::now();
+        let code = jit.compile(&plan).expect("a plan of moderate size");
+        (code, start.elapsed().as_secs_f64() * 1e3)
+    };
+    let compiled: Vec<Box<dyn Executable>> = jits.iter().map(|jit| compile(jit).0).collect();
+    let ends = [&jits[0], &jits[jits.len() - 1]];
+    let compile_ms = ends.map(|jit| median((0..ROUNDS).map(|_| compile(jit).1).collect()));
     let region = [Rect { x: 0, y: 60, width: scene.layout().width(), height: 64 }];
     let pairs = region[0].pixels() * window.taps();
-    let (mut slow, mut fast) = (Vec::new(), Vec::new());
+    let mut slow = Vec::new();
+    let mut fast = vec![Vec::new(); jits.len()];
     for _ in 0..ROUNDS {
         slow.push(nanoseconds(&*interpreted, scene, &region, pairs));
-        fast.push(nanoseconds(&*compiled, scene, &region, pairs));
+        for (code, fast) in compiled.iter().zip(&mut fast) {
+            fast.push(nanoseconds(&**code, scene, &region, pairs));
+        }
     }
-    let error = error(scene, weight, &*compiled);
-    Row { name, interp: median(slow), jit: median(fast), compile_ms, error }
+    let error = error(scene, weight, &*compiled[0]);
+    let jit = fast.into_iter().map(median).collect();
+    Row { name, interp: median(slow), jit, compile_ms, error }
 }
 
 fn print(row: &Row) {
-    let ratio = row.jit / row.interp;
-    let planned = PLANNED.iter().find(|(name, _)| *name == row.name);
-    let against = planned.map_or(String::new(), |(_, plan)| format!("{:.2}", ratio / plan));
+    let widths: String = row.jit.iter().map(|time| format!(" {time:>8.2}")).collect();
+    let ratio = row.jit[row.jit.len() - 1] / row.interp;
+    let [narrow, wide] = row.compile_ms;
     println!(
-        "{:<16} {:>8.2} {:>8.2} {:>10.2} {:>11.2} {:>10.1e} {:>14}",
-        row.name, row.interp, row.jit, ratio, row.compile_ms, row.error, against
+        "{:<16} {:>8.2}{widths} {ratio:>13.2} {narrow:>8.2} {wide:>8.2} {:>10.1e}",
+        row.name, row.interp, row.error
     );
 }
 
@@ -102,16 +109,17 @@ fn main() {
         Scene::load(path.as_ref(), &Needs::everything(), RADIUS as usize, &LoadOptions::default())
             .expect("the project's own scene");
     let facts = Facts::of(&scene);
-    let jit = Jit::new().expect("the host has a code generator");
+    let jits: Vec<Jit> = Width::ALL.into_iter().filter_map(|w| Jit::with_width(w).ok()).collect();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     pool.install(|| {
         println!("courtyard, radius {RADIUS}, one thread, medians of {ROUNDS} interleaved rounds");
+        let widths: String = jits.iter().map(|jit| format!(" {:>8}", jit.width().bits())).collect();
         println!(
-            "{:<16} {:>8} {:>8} {:>10} {:>11} {:>10} {:>14}",
-            "filter", "interp", "jit", "jit/interp", "compile, ms", "error", "against plan"
+            "{:<16} {:>8}{widths} {:>13} {:>17} {:>10}",
+            "filter", "interp", "widest/interp", "compile, ms", "error"
         );
         for known in codebook::known() {
-            print(&measure(known.name.to_owned(), &known.weight, &scene, &facts, &jit));
+            print(&measure(known.name.to_owned(), &known.weight, &scene, &facts, &jits));
             if once {
                 return;
             }
@@ -122,17 +130,17 @@ fn main() {
             .zip(1..)
             .map(|(text, k)| {
                 let tree = text.parse().expect("bred trees are expressions");
-                measure(format!("bred {k}"), &tree, &scene, &facts, &jit)
+                measure(format!("bred {k}"), &tree, &scene, &facts, &jits)
             })
             .collect();
         rows.iter().for_each(print);
-        let of = |column: fn(&Row) -> f64| median(rows.iter().map(column).collect());
+        let of = |column: &dyn Fn(&Row) -> f64| median(rows.iter().map(column).collect());
         print(&Row {
             name: "bred, median".to_owned(),
-            interp: of(|row| row.interp),
-            jit: of(|row| row.jit),
-            compile_ms: of(|row| row.compile_ms),
-            error: of(|row| row.error),
+            interp: of(&|row| row.interp),
+            jit: (0..jits.len()).map(|k| of(&|row| row.jit[k])).collect(),
+            compile_ms: [of(&|row| row.compile_ms[0]), of(&|row| row.compile_ms[1])],
+            error: of(&|row| row.error),
         });
     });
 }

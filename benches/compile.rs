@@ -1,5 +1,5 @@
 //! What an expression costs before its first pixel: parsing, planning, and
-//! compiling with one, two and four interleaved chains.
+//! compiling, for every width of vectors that the host has.
 //!
 //! ```text
 //! cargo bench --bench compile
@@ -8,18 +8,17 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use tamis::backend::{Backend, Interpreter, Jit};
+use tamis::backend::{Backend, Interpreter, Jit, Width};
 use tamis::expr::{Tree, codebook};
 use tamis::plan::{Passes, Plan, Window};
 use tamis::scene::{Facts, LoadOptions, Needs, Scene};
-use tamis_jit::Chains;
 
 fn compile(criterion: &mut Criterion) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/data/test/courtyard/4spp.exr");
     let scene = Scene::load(path.as_ref(), &Needs::everything(), 10, &LoadOptions::default())
         .expect("the project's own scene");
     let facts = Facts::of(&scene);
-    let jit = Jit::new().expect("the host has a code generator");
+    let jits: Vec<Jit> = Width::ALL.into_iter().filter_map(|w| Jit::with_width(w).ok()).collect();
     for known in codebook::known() {
         let text = known.weight.to_string();
         let weights = std::slice::from_ref(&known.weight);
@@ -31,9 +30,8 @@ fn compile(criterion: &mut Criterion) {
         group.bench_function("plan", |b| b.iter(plan));
         let plan = plan();
         group.bench_function("interp", |b| b.iter(|| Interpreter.compile(&plan).is_ok()));
-        for chains in Chains::ALL {
-            let jit = jit.clone().with_chains(chains);
-            group.bench_function(format!("jit, {} pixels a step", chains.step()), |b| {
+        for jit in &jits {
+            group.bench_function(format!("jit, {}", jit.width()), |b| {
                 b.iter(|| jit.compile(&plan).is_ok());
             });
         }

@@ -46,7 +46,6 @@ use tamis::evolve::{
 use tamis::expr::Tree;
 use tamis::plan::{Passes, Window};
 use tamis::scene::{Image, LoadOptions, Needs, Scene};
-use tamis_jit::Chains;
 
 const SCENES: [&str; 6] = ["foundry", "meadow", "old_town", "print_shop", "still_life", "study"];
 
@@ -82,8 +81,8 @@ struct Way {
 }
 
 impl Way {
-    fn jit(name: impl Into<String>, chains: Chains, passes: Passes, together: usize) -> Self {
-        let jit = Jit::new().expect("the host has a code generator").with_chains(chains);
+    fn jit(name: impl Into<String>, passes: Passes, together: usize) -> Self {
+        let jit = Jit::new().expect("the host has a code generator");
         Self { name: name.into(), backend: Box::new(jit), passes, together }
     }
 }
@@ -101,12 +100,12 @@ fn ways() -> Vec<Way> {
             passes: plain,
             together: 1,
         },
-        Way::jit("jit, one by one", Chains::Four, plain, 1),
-        Way::jit("+ support", Chains::Four, supported, 1),
-        Way::jit("+ symmetry", Chains::Four, symmetric, 1),
-        Way::jit(format!("jit, {TOGETHER} together"), Chains::Four, plain, TOGETHER),
-        Way::jit("+ support", Chains::Four, supported, TOGETHER),
-        Way::jit("+ symmetry", Chains::Four, symmetric, TOGETHER),
+        Way::jit("jit, one by one", plain, 1),
+        Way::jit("+ support", supported, 1),
+        Way::jit("+ symmetry", symmetric, 1),
+        Way::jit(format!("jit, {TOGETHER} together"), plain, TOGETHER),
+        Way::jit("+ support", supported, TOGETHER),
+        Way::jit("+ symmetry", symmetric, TOGETHER),
     ]
 }
 
@@ -139,10 +138,9 @@ fn population(extent: &Extent) -> Vec<Tree> {
         generations: extent.generations,
         radius: 5,
         share: extent.share,
-        initial: "cross-bilateral".to_owned(),
         ..Preset::Paper.settings()
     };
-    let way = Way::jit("", Chains::Four, Passes::ALL, TOGETHER);
+    let way = Way::jit("", Passes::ALL, TOGETHER);
     let fitness = fitness(&way, settings.radius, Coverage::of(&settings));
     let mut search = Search::new(settings, &fitness).expect("the paper's settings make sense");
     let outcome = search.run(&Control::default(), &mut |_| {}).expect("judging cannot fail");
@@ -196,23 +194,19 @@ fn rates(ways: &[Way], trees: &[Tree], extent: &Extent) {
     }
 }
 
-/// How many expressions to compile into one program, and with how many chains.
+/// How many expressions to compile into one program.
 fn together(trees: &[Tree], extent: &Extent) {
     let passes = Passes { converged: false, ..Passes::ALL };
-    let mut ways = vec![Way::jit("1, 16 pixels a step", Chains::Four, passes, 1)];
-    ways.push(Way::jit("1, again", Chains::Four, passes, 1));
-    for (chains, sizes) in [(Chains::Four, &[4, 8, 16, 32][..]), (Chains::Two, &[8, 16])] {
-        for &together in sizes {
-            let name = format!("{together}, {} pixels a step", chains.step());
-            ways.push(Way::jit(name, chains, passes, together));
-        }
-    }
+    let way = |together: usize| Way::jit(format!("{together} together"), passes, together);
+    let mut ways = vec![way(1)];
+    // The ratio is to the second row.
+    ways.extend([1, 8, 16, 32, 64].map(way));
     rates(&ways, trees, extent);
 }
 
 /// A whole search, which the listener hears of with the time; how long it took.
 fn breed(settings: &Settings, listener: &mut dyn FnMut(f64, Event<'_>)) -> (Outcome, f64) {
-    let way = Way::jit("", Chains::Four, Passes::ALL, settings.together);
+    let way = Way::jit("", Passes::ALL, settings.together);
     let fitness = fitness(&way, settings.radius, Coverage::of(settings))
         .racing(&settings.racing, settings.seed);
     let mut search = Search::new(settings.clone(), &fitness).expect("settings that make sense");

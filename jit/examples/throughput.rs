@@ -1,11 +1,14 @@
 //! Prints what kernels cost: time per pixel pair and time to compile, for every
-//! number of chains.
+//! width that the host has and every number of chains.
 //!
 //! `cargo run --release -p tamis-jit --example throughput`
 
 use std::time::{Duration, Instant};
 
-use tamis_jit::{Body, Border, Chains, Compiler, Job, Lanes, Layout, Rect, Run, Side, WindowSpec};
+use tamis_jit::{
+    Body, Border, Chains, Compiler, Features, Job, Lanes, Layout, Rect, Run, Side, Width,
+    WindowSpec,
+};
 
 const SIZE: usize = 64;
 const RADIUS: usize = 8;
@@ -130,15 +133,16 @@ fn measure<B: Body>(
     let job = Job { layout, planes: &planes, runs: &runs, taps: &taps, rect: Rect::all(&layout) };
     let pairs = (SIZE * SIZE * taps.len() * weights) as f64;
 
-    let compiler = Compiler::host()?;
-    for chains in Chains::ALL {
+    let widths = Width::ALL.into_iter().filter(|&width| Features::of_host().allow(width));
+    for (width, chains) in widths.flat_map(|width| Chains::ALL.map(|chains| (width, chains))) {
+        let compiler = Compiler::with_width(width)?;
         let compile = (0..ROUNDS)
             .map(|_| {
                 let start = Instant::now();
-                compiler.compile(spec, chains, body).map(|_| start.elapsed())
+                compiler.compile(spec, Some(chains), body).map(|_| start.elapsed())
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let kernel = compiler.compile(spec, chains, body)?;
+        let kernel = compiler.compile(spec, Some(chains), body)?;
         let mut out = vec![0.0; kernel.output_shape(&job.rect).len()];
         let run = (0..ROUNDS)
             .map(|_| {
@@ -147,7 +151,7 @@ fn measure<B: Body>(
             })
             .collect::<Result<Vec<_>, _>>()?;
         println!(
-            "{name:<16} {chains:<5?} {:7.3} ns/pair  {:7.3} ms to compile  {:6} bytes",
+            "{name:<16} {width} {chains:<5?} {:7.3} ns/pair  {:7.3} ms to compile  {:6} bytes",
             best(run).as_secs_f64() * 1e9 / pairs,
             best(compile).as_secs_f64() * 1e3,
             kernel.code_bytes(),

@@ -2,11 +2,11 @@
 //!
 //! A kernel is a function of one argument in the host's C convention, a pointer
 //! to a [`Call`], and computes one row of output pixels. It reads `Call` and
-//! what it points to, writes only through `out` and `mirror`, calls nothing, and
-//! cannot fail. It runs these loops, each at least once:
+//! what it points to, writes only through `out`, `scratch` and the mirrored sums'
+//! addresses, calls nothing, and cannot fail. It runs these loops, each at least once:
 //!
 //! ```text
-//! for chunk in 0..chunks              `step` pixels at a time, step = 4 lanes × chains
+//! for chunk in 0..chunks              `step` pixels at a time, step = lanes × chains
 //!     for run in runs                 in their order
 //!         for tap in 0..run.count     in its order
 //! ```
@@ -46,7 +46,15 @@ pub(crate) struct Call {
     pub(crate) runs: *const RunCall,
     /// How many there are.
     pub(crate) run_count: usize,
+    /// Memory for what does not fit into registers, aligned to a cache line; its
+    /// contents mean nothing between calls.
+    pub(crate) scratch: *mut Line,
 }
+
+/// A cache line.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line(pub(crate) [u8; 64]);
 
 /// A run of taps.
 #[repr(C)]

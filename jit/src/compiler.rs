@@ -1,5 +1,5 @@
-//! From a [`Body`] to a [`Kernel`]: the choice of instruction set and the way
-//! through Cranelift.
+//! From a [`Body`] to a [`Kernel`]: the choice of code generator and instruction
+//! set, and the way through Cranelift.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,24 +11,26 @@ use cranelift_codegen::isa::{Builder, OwnedTargetIsa, TargetIsa};
 use cranelift_codegen::settings::{self, Configurable, SetError};
 use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
 
-use crate::cranelift::{Assembler, LANES};
+use crate::cranelift::Assembler;
 use crate::error::CompileError;
 use crate::kernel::Kernel;
 use crate::lanes::Body;
+#[cfg(target_arch = "x86_64")]
+use crate::wide;
+use crate::width::{Features, Width};
 use crate::window::{self, WindowSpec};
 
-/// How many chains of four lanes a kernel interleaves.
+/// How many vectors side by side a kernel computes.
 ///
 /// More chains hide more latency and take longer to compile; the results have
 /// the same bits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Chains {
-    /// Four pixels per step: compiles fastest, for kernels that run once.
+    /// One vector per step: compiles fastest, for kernels that run once.
     One,
-    /// Eight pixels per step.
+    /// Two vectors per step.
     Two,
-    /// Sixteen pixels per step: runs fastest.
-    #[default]
+    /// Four vectors per step.
     Four,
 }
 
@@ -36,12 +38,12 @@ impl Chains {
     /// Every choice, from the fewest to the most.
     pub const ALL: [Self; 3] = [Self::One, Self::Two, Self::Four];
 
-    /// Pixels per step.
-    pub fn step(self) -> usize {
+    /// Vectors per step.
+    pub fn count(self) -> usize {
         match self {
-            Self::One => LANES,
-            Self::Two => 2 * LANES,
-            Self::Four => 4 * LANES,
+            Self::One => 1,
+            Self::Two => 2,
+            Self::Four => 4,
         }
     }
 }
@@ -51,20 +53,57 @@ impl Chains {
 /// A compiler holds no state between kernels: threads can share one.
 #[derive(Clone)]
 pub struct Compiler {
-    isa: OwnedTargetIsa,
+    generator: Generator,
+}
+
+#[derive(Clone)]
+enum Generator {
+    /// 128 bits, on every processor that Cranelift knows.
+    Cranelift(OwnedTargetIsa),
+    /// 256 or 512 bits.
+    #[cfg(target_arch = "x86_64")]
+    Wide(Width),
 }
 
 impl Compiler {
-    /// A compiler for this machine, with all the instructions that it has.
+    /// A compiler for this machine, with vectors as wide as it has them.
     ///
     /// # Errors
     ///
     /// [`CompileError::Host`] where there is no code generator for the
     /// processor, [`CompileError::NoFma`] where it lacks fused multiply-add.
     pub fn host() -> Result<Self, CompileError> {
-        let builder =
-            cranelift_native::builder().map_err(|why| CompileError::Host(why.to_owned()))?;
-        Self::with_isa(builder)
+        Self::with_width(Features::of_host().widest())
+    }
+
+    /// A compiler for this machine, with vectors of this width.
+    ///
+    /// # Errors
+    ///
+    /// As for [`host`](Self::host), and [`CompileError::Width`] where the
+    /// processor has no such vectors.
+    pub fn with_width(width: Width) -> Result<Self, CompileError> {
+        if !Features::of_host().allow(width) {
+            return Err(CompileError::Width(width));
+        }
+        match width {
+            #[cfg(target_arch = "x86_64")]
+            Width::Bits256 | Width::Bits512 => Ok(Self { generator: Generator::Wide(width) }),
+            _ => {
+                let builder = cranelift_native::builder()
+                    .map_err(|why| CompileError::Host(why.to_owned()))?;
+                Self::with_isa(builder)
+            }
+        }
+    }
+
+    /// How wide its vectors are.
+    pub fn width(&self) -> Width {
+        match self.generator {
+            Generator::Cranelift(_) => Width::Bits128,
+            #[cfg(target_arch = "x86_64")]
+            Generator::Wide(width) => width,
+        }
     }
 
     /// A compiler for any instruction set. Its kernels would not run here, which
@@ -73,10 +112,10 @@ impl Compiler {
         let flags = flags().map_err(|why| CompileError::Host(why.to_string()))?;
         let isa = builder.finish(flags).map_err(|why| CompileError::Host(why.to_string()))?;
         check(isa.as_ref())?;
-        Ok(Self { isa })
+        Ok(Self { generator: Generator::Cranelift(isa) })
     }
 
-    /// Compiles one kernel.
+    /// Compiles one kernel, with so many chains or as many as suit its body.
     ///
     /// # Errors
     ///
@@ -86,48 +125,54 @@ impl Compiler {
     pub fn compile<B: Body>(
         &self,
         spec: WindowSpec,
-        chains: Chains,
+        chains: Option<Chains>,
         body: &B,
     ) -> Result<Kernel, CompileError> {
         spec.check()?;
         // Everything the closure touches is made inside it or only read.
-        catch_unwind(AssertUnwindSafe(|| {
-            let function = self.emit(spec, chains, body)?;
-            let context = Context::for_function(function);
-            Kernel::install(self.isa.clone(), context, spec, chains.step())
+        catch_unwind(AssertUnwindSafe(|| match &self.generator {
+            Generator::Cranelift(isa) => {
+                let chains = chains.unwrap_or(Chains::Four);
+                let context = Context::for_function(emit(isa.as_ref(), spec, chains, body)?);
+                Kernel::install(isa.clone(), context, spec, chains)
+            }
+            #[cfg(target_arch = "x86_64")]
+            Generator::Wide(width) => {
+                Kernel::map(&wide::compile(spec, *width, chains, body)?, spec)
+            }
         }))
         .unwrap_or_else(|payload| Err(CompileError::Panic(message(payload.as_ref()))))
     }
+}
 
-    /// Writes the kernel in Cranelift's intermediate language.
-    fn emit<B: Body>(
-        &self,
-        spec: WindowSpec,
-        chains: Chains,
-        body: &B,
-    ) -> Result<Function, CompileError> {
-        match chains {
-            Chains::One => self.emit_chains::<B, 1>(spec, body),
-            Chains::Two => self.emit_chains::<B, 2>(spec, body),
-            Chains::Four => self.emit_chains::<B, 4>(spec, body),
-        }
+/// Writes a kernel in Cranelift's intermediate language.
+fn emit<B: Body>(
+    isa: &dyn TargetIsa,
+    spec: WindowSpec,
+    chains: Chains,
+    body: &B,
+) -> Result<Function, CompileError> {
+    match chains {
+        Chains::One => emit_chains::<B, 1>(isa, spec, body),
+        Chains::Two => emit_chains::<B, 2>(isa, spec, body),
+        Chains::Four => emit_chains::<B, 4>(isa, spec, body),
     }
+}
 
-    fn emit_chains<B: Body, const N: usize>(
-        &self,
-        spec: WindowSpec,
-        body: &B,
-    ) -> Result<Function, CompileError> {
-        let mut signature = Signature::new(self.isa.default_call_conv());
-        signature.params.push(AbiParam::new(I64));
-        let mut function = Function::with_name_signature(UserFuncName::default(), signature);
-        let mut scratch = FunctionBuilderContext::new();
-        let builder = FunctionBuilder::new(&mut function, &mut scratch);
-        let mut assembler = Assembler::<N>::new(builder, spec);
-        window::emit(&mut assembler, &spec, body)?;
-        assembler.finish()?.finalize(self.isa.frontend_config());
-        Ok(function)
-    }
+fn emit_chains<B: Body, const N: usize>(
+    isa: &dyn TargetIsa,
+    spec: WindowSpec,
+    body: &B,
+) -> Result<Function, CompileError> {
+    let mut signature = Signature::new(isa.default_call_conv());
+    signature.params.push(AbiParam::new(I64));
+    let mut function = Function::with_name_signature(UserFuncName::default(), signature);
+    let mut scratch = FunctionBuilderContext::new();
+    let builder = FunctionBuilder::new(&mut function, &mut scratch);
+    let mut assembler = Assembler::<N>::new(builder, spec);
+    window::emit(&mut assembler, &spec, body)?;
+    assembler.finish()?.finalize(isa.frontend_config());
+    Ok(function)
 }
 
 /// The settings that suit kernels, whatever the instruction set.
@@ -214,9 +259,12 @@ mod tests {
     /// Compiles without installing and returns the number of relocations, which
     /// is that of calls into a library.
     fn relocations(compiler: &Compiler, chains: Chains) -> usize {
-        let function = compiler.emit(SPEC, chains, &Everything).expect("emits");
+        let Generator::Cranelift(isa) = &compiler.generator else {
+            panic!("an instruction set was named, so this is Cranelift's");
+        };
+        let function = emit(isa.as_ref(), SPEC, chains, &Everything).expect("emits");
         let mut context = Context::for_function(function);
-        let code = context.compile(compiler.isa.as_ref(), &mut Default::default());
+        let code = context.compile(isa.as_ref(), &mut Default::default());
         code.expect("compiles").buffer.relocs().len()
     }
 

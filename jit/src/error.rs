@@ -1,6 +1,8 @@
 //! What can go wrong: while compiling ([`CompileError`]) and when a kernel is
 //! handed data that do not fit it ([`ShapeError`]).
 
+use crate::width::Width;
+
 /// Why no kernel was made. It costs the one kernel, never the process.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -13,6 +15,10 @@ pub enum CompileError {
     /// cost tens of times the instruction: use an interpreter instead.
     #[error("this processor lacks a fused multiply-add on vectors (on x86-64: AVX and FMA)")]
     NoFma,
+
+    /// The processor has no vectors of this width.
+    #[error("this processor has no vectors of {0}: they take {needs}", needs = .0.needs())]
+    Width(Width),
 
     /// The specification asks for nothing, or for more than a kernel can hold.
     #[error("{what} is {value}; a kernel takes 1 to {limit}", limit = crate::WindowSpec::LIMIT)]

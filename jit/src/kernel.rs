@@ -1,7 +1,8 @@
 //! A compiled kernel: executable memory and the only `unsafe` of the project.
 //!
 //! Each kernel has memory of its own, written first and only then made
-//! executable, never both at once. It is given back when the kernel is dropped;
+//! executable, never both at once: Cranelift's module sees to that for what it
+//! makes, a private mapping for wide code. It is given back when the kernel is dropped;
 //! a process can compile and drop without end. Kernels that are alive at the
 //! same time cost at least a page and one mapping each, of which systems allow
 //! some tens of thousands.
@@ -12,15 +13,28 @@ use std::sync::Mutex;
 use cranelift_codegen::Context;
 use cranelift_codegen::isa::OwnedTargetIsa;
 use cranelift_jit::{JITBuilder, JITModule};
-use cranelift_module::{Module, ModuleError, default_libcall_names};
+use cranelift_module::{Module as _, ModuleError, default_libcall_names};
+#[cfg(target_arch = "x86_64")]
+use memmap2::{Mmap, MmapMut};
 
-use crate::call::{Call, RunCall};
+use crate::call::{Call, Line, RunCall};
+use crate::compiler::Chains;
 use crate::error::{CompileError, ShapeError};
 use crate::shape::{Job, MirrorShape, OutputShape, Rect};
+#[cfg(target_arch = "x86_64")]
+use crate::wide::Code;
+use crate::width::Width;
 use crate::window::WindowSpec;
 
 /// The convention is [`Call`]'s: one row of output pixels per call.
-type Entry = unsafe extern "C" fn(*const Call);
+#[derive(Clone, Copy)]
+enum Entry {
+    /// As the host passes arguments.
+    Host(unsafe extern "C" fn(*const Call)),
+    /// As wide code expects them on every system, Windows too.
+    #[cfg(target_arch = "x86_64")]
+    SystemV(unsafe extern "sysv64" fn(*const Call)),
+}
 
 /// Machine code for one [`WindowSpec`] and one [`Body`](crate::Body).
 ///
@@ -30,21 +44,24 @@ pub struct Kernel {
     spec: WindowSpec,
     step: usize,
     code_bytes: usize,
+    /// Cache lines of scratch memory that a call takes.
+    scratch: usize,
     /// Holds what `entry` points to.
     _memory: Memory,
 }
 
 impl Kernel {
     /// Compiles the function in `context`, which follows the convention of
-    /// [`Call`] for `spec` and `step`, and puts it into executable memory.
+    /// [`Call`] for `spec` and so many chains, and puts it into executable memory.
     pub(crate) fn install(
         isa: OwnedTargetIsa,
         mut context: Context,
         spec: WindowSpec,
-        step: usize,
+        chains: Chains,
     ) -> Result<Self, CompileError> {
+        let step = chains.count() * Width::Bits128.lanes();
         let builder = JITBuilder::with_isa(isa, default_libcall_names());
-        let mut memory = Memory::new(JITModule::new(builder));
+        let mut memory = Module::new(JITModule::new(builder));
         let module = memory.module();
         let id = module.declare_anonymous_function(&context.func.signature).map_err(generator)?;
         module.define_function(id, &mut context).map_err(generator)?;
@@ -56,10 +73,37 @@ impl Kernel {
         let code_bytes = code.code_buffer().len();
         module.finalize_definitions().map_err(generator)?;
         let address = module.get_finalized_function(id);
-        // SAFETY: `address` is the start of a finished function whose signature
-        // is `Entry`: one pointer in the host's C convention, no result.
-        let entry = unsafe { std::mem::transmute::<*const u8, Entry>(address) };
-        Ok(Self { entry, spec, step, code_bytes, _memory: memory })
+        // SAFETY: `address` is the start of a finished function with one pointer as
+        // argument, in the host's C convention, and no result.
+        let entry =
+            unsafe { std::mem::transmute::<*const u8, unsafe extern "C" fn(*const Call)>(address) };
+        let (entry, memory) = (Entry::Host(entry), Memory::Module(Box::new(memory)));
+        Ok(Self { entry, spec, step, code_bytes, scratch: 0, _memory: memory })
+    }
+
+    /// Puts finished wide code into executable memory.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn map(code: &Code, spec: WindowSpec) -> Result<Self, CompileError> {
+        let mapped = || {
+            let mut memory = MmapMut::map_anon(code.bytes.len())?;
+            memory.copy_from_slice(&code.bytes);
+            memory.make_exec()
+        };
+        let memory = mapped().map_err(|why| CompileError::Generator(why.to_string()))?;
+        let address = memory[code.entry..].as_ptr();
+        // SAFETY: the function that begins at `entry` takes one pointer in the
+        // System V convention and returns nothing.
+        let entry = unsafe {
+            std::mem::transmute::<*const u8, unsafe extern "sysv64" fn(*const Call)>(address)
+        };
+        Ok(Self {
+            entry: Entry::SystemV(entry),
+            spec,
+            step: code.step,
+            code_bytes: code.bytes.len(),
+            scratch: code.scratch.div_ceil(size_of::<Line>()),
+            _memory: Memory::Mapping(memory),
+        })
     }
 
     /// What it was compiled for.
@@ -108,6 +152,7 @@ impl Kernel {
         }
         let planes: Vec<*const f32> = job.planes.iter().map(|plane| plane.as_ptr()).collect();
         let mut runs: Vec<RunCall> = Vec::with_capacity(job.runs.len());
+        let mut scratch = vec![Line([0; 64]); self.scratch];
         for (row, y) in job.rect.y.clone().enumerate() {
             let pixel = job.layout.index(job.rect.x.start, y) * FLOAT;
             runs.clear();
@@ -147,12 +192,21 @@ impl Kernel {
                 chunks: shape.stride / self.step,
                 runs: runs.as_ptr(),
                 run_count: runs.len(),
+                scratch: scratch.as_mut_ptr(),
             };
             // SAFETY: `Job::check` held for this spec and step, so every address
             // that the code reaches from `call` lies inside `job.planes`,
-            // `job.taps`, `out` or `mirror`; all are borrowed, and what is written
-            // exclusively. The code is alive because `self` owns its memory.
-            unsafe { (self.entry)(&raw const call) };
+            // `job.taps`, `out` or `mirror`, or in as much scratch memory as the
+            // code said that it takes; all are borrowed, and what is written
+            // exclusively. The code is alive because `self` owns its memory, and
+            // `Compiler` makes none that this processor lacks instructions for.
+            unsafe {
+                match self.entry {
+                    Entry::Host(entry) => entry(&raw const call),
+                    #[cfg(target_arch = "x86_64")]
+                    Entry::SystemV(entry) => entry(&raw const call),
+                }
+            };
         }
         Ok(shape)
     }
@@ -172,13 +226,21 @@ fn generator(error: ModuleError) -> CompileError {
     CompileError::Generator(error.to_string())
 }
 
+/// Executable memory, which is freed when dropped.
+#[expect(dead_code, reason = "it is kept, not looked at")]
+enum Memory {
+    Module(Box<Module>),
+    #[cfg(target_arch = "x86_64")]
+    Mapping(Mmap),
+}
+
 /// A module that frees its memory when dropped; on its own it would leak it.
 ///
 /// The mutex is never locked. It makes the module shareable between threads,
 /// none of which touches it before the last owner drops it.
-struct Memory(Mutex<Option<JITModule>>);
+struct Module(Mutex<Option<JITModule>>);
 
-impl Memory {
+impl Module {
     fn new(module: JITModule) -> Self {
         Self(Mutex::new(Some(module)))
     }
@@ -189,7 +251,7 @@ impl Memory {
     }
 }
 
-impl Drop for Memory {
+impl Drop for Module {
     fn drop(&mut self) {
         if let Ok(Some(module)) = self.0.get_mut().map(Option::take) {
             // SAFETY: the kernel that owns this memory is being dropped, and no

@@ -6,7 +6,7 @@
 //! operator and no filter, only instructions and loops.
 //!
 //! ```
-//! use tamis_jit::{Body, Border, Chains, Compiler, Job, Lanes, Layout, Rect, Run, WindowSpec};
+//! use tamis_jit::{Body, Border, Compiler, Job, Lanes, Layout, Rect, Run, WindowSpec};
 //!
 //! /// A Gaussian blur's weight: the same for every pixel, so a value per tap.
 //! struct Gaussian;
@@ -26,7 +26,7 @@
 //!     absolute: false,
 //!     mirrored: false,
 //! };
-//! let kernel = Compiler::host()?.compile(spec, Chains::Four, &Gaussian)?;
+//! let kernel = Compiler::host()?.compile(spec, None, &Gaussian)?;
 //!
 //! let layout = Layout::new(100, 50, 3);
 //! let picture = layout.plane(Border::Zero, |_, _| 0.25);
@@ -57,6 +57,9 @@
 //!   [`Scalar`] is that meaning as a program.
 //! - [`WindowSpec`]: what a kernel sums, and in which order: the bits of a result
 //!   depend on neither the number of chains nor the rectangle.
+//! - [`Width`]: how many lanes an instruction has. There are two code generators,
+//!   Cranelift for 128 bits anywhere and one for wide vectors on x86-64, and all
+//!   widths give the same bits.
 //! - [`Layout`], [`Run`], [`Job`]: the data; mirrored kernels, which use every
 //!   weight at both ends of its pair, are explained at [`WindowSpec::mirrored`].
 //! - [`Kernel`]: running it. Safe with any data: all that machine code relies on
@@ -71,6 +74,9 @@ mod kernel;
 mod lanes;
 mod scalar;
 mod shape;
+#[cfg(target_arch = "x86_64")]
+mod wide;
+mod width;
 mod window;
 
 pub use compiler::{Chains, Compiler};
@@ -79,4 +85,5 @@ pub use kernel::Kernel;
 pub use lanes::{Body, Lanes, Side};
 pub use scalar::Scalar;
 pub use shape::{Border, Job, Layout, MirrorShape, OutputShape, Rect, Run};
+pub use width::{Features, Width};
 pub use window::WindowSpec;

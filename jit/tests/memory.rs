@@ -37,7 +37,7 @@ fn stays_flat(count: u32) {
         if n == count / 10 {
             start = resident();
         }
-        let compiled = compiler.compile(spec, Chains::One, &Scaled(n as f32));
+        let compiled = compiler.compile(spec, Some(Chains::One), &Scaled(n as f32));
         drop(compiled.expect("compiles"));
     }
     let grown = resident().saturating_sub(start);

@@ -2,7 +2,7 @@
 
 use tamis_jit::{
     Body, Border, Chains, CompileError, Compiler, Job, Kernel, Lanes, Layout, Rect, Run,
-    ShapeError, Side, WindowSpec,
+    ShapeError, Side, Width, WindowSpec,
 };
 
 const SPEC: WindowSpec =
@@ -25,7 +25,9 @@ impl Body for Reads {
 }
 
 fn compile(spec: WindowSpec, body: &impl Body) -> Result<Kernel, CompileError> {
-    Compiler::host().expect("the tests need a host with FMA").compile(spec, Chains::Two, body)
+    // Eight pixels per step, whatever the host.
+    let compiler = Compiler::with_width(Width::Bits128).expect("the tests need a host with FMA");
+    compiler.compile(spec, Some(Chains::Two), body)
 }
 
 /// Runs an honest kernel on data that fit but for what `change` does to them.

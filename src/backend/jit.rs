@@ -1,7 +1,7 @@
 //! Machine code: a pair tape written into the lane assembler of `tamis-jit`,
 //! one match over the primitives.
 
-use tamis_jit::{Body, Chains, Compiler, Job, Kernel, Lanes, WindowSpec};
+use tamis_jit::{Body, Chains, Compiler, Job, Kernel, Lanes, Width, WindowSpec};
 
 use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, tapes};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
@@ -14,24 +14,42 @@ use crate::scene::Scene;
 #[derive(Clone)]
 pub struct Jit {
     compiler: Compiler,
-    chains: Chains,
+    chains: Option<Chains>,
 }
 
 impl Jit {
-    /// A compiler for this machine.
+    /// A compiler for this machine, with vectors as wide as it has them.
     ///
     /// # Errors
     /// If there is no code generator for the processor, or it lacks a fused
     /// multiply-add.
     pub fn new() -> Result<Self, BackendError> {
-        Ok(Self { compiler: Compiler::host()?, chains: Chains::Four })
+        Ok(Self::with(Compiler::host()?))
     }
 
-    /// The same compiler interleaving another number of chains: fewer compile
-    /// faster and run slower, to the same bits.
+    /// A compiler for this machine, with vectors of this width: they give the same
+    /// bits.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new), and if the processor has no such vectors.
+    pub fn with_width(width: Width) -> Result<Self, BackendError> {
+        Ok(Self::with(Compiler::with_width(width)?))
+    }
+
+    fn with(compiler: Compiler) -> Self {
+        Self { compiler, chains: None }
+    }
+
+    /// How wide its vectors are.
+    pub fn width(&self) -> Width {
+        self.compiler.width()
+    }
+
+    /// The same compiler always interleaving this number of chains, instead of as
+    /// many as suit each expression: to the same bits.
     #[must_use]
     pub fn with_chains(self, chains: Chains) -> Self {
-        Self { chains, ..self }
+        Self { chains: Some(chains), ..self }
     }
 }
 

@@ -40,6 +40,8 @@ pub use interp::Interpreter;
 #[cfg(feature = "jit")]
 pub use jit::Jit;
 pub use precision::Precision;
+#[cfg(feature = "jit")]
+pub use tamis_jit::{Features, Width};
 
 /// Sums of weights (in magnitude) below this are treated as zero: with weights
 /// so small, products with dark colours are subnormal and carry no precision.

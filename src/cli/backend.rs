@@ -23,10 +23,10 @@ impl Processor {
     pub(super) const DEFAULT: Self = if cfg!(feature = "jit") { Self::Jit } else { Self::Interp };
 
     /// The back end, if this computer has it.
-    pub(super) fn open(self) -> Result<Box<dyn Backend>, Error> {
+    pub(super) fn open(self, lanes: Lanes) -> Result<Box<dyn Backend>, Error> {
         match self {
             #[cfg(feature = "jit")]
-            Self::Jit => match crate::backend::Jit::new() {
+            Self::Jit => match lanes.jit() {
                 Ok(jit) => Ok(Box::new(jit)),
                 Err(error) => Err(Error::NoMachineCode { reason: error.to_string() }),
             },
@@ -37,6 +37,51 @@ impl Processor {
             Self::Interp => Ok(Box::new(Interpreter)),
         }
     }
+}
+
+/// How wide the vectors of machine code are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Lanes {
+    /// As wide as this processor has them
+    #[default]
+    Auto,
+    /// Four lanes, on any processor
+    #[value(name = "128")]
+    Four,
+    /// Eight lanes: AVX2 and FMA
+    #[value(name = "256")]
+    Eight,
+    /// Sixteen lanes: AVX-512F
+    #[value(name = "512")]
+    Sixteen,
+}
+
+impl Lanes {
+    /// As on the command line.
+    pub(super) fn name(self) -> String {
+        let value = self.to_possible_value().expect("none is skipped");
+        value.get_name().to_owned()
+    }
+
+    #[cfg(feature = "jit")]
+    fn jit(self) -> Result<crate::backend::Jit, crate::backend::BackendError> {
+        use crate::backend::{Jit, Width};
+
+        match self {
+            Self::Auto => Jit::new(),
+            Self::Four => Jit::with_width(Width::Bits128),
+            Self::Eight => Jit::with_width(Width::Bits256),
+            Self::Sixteen => Jit::with_width(Width::Bits512),
+        }
+    }
+}
+
+/// How wide machine code is to be.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(super) struct LanesArgs {
+    /// Bits of the vectors of machine code; no result depends on it
+    #[arg(long, value_enum, value_name = "BITS", default_value_t = Lanes::Auto)]
+    pub(super) lanes: Lanes,
 }
 
 /// What runs filters.
@@ -73,6 +118,9 @@ pub(super) struct BackendArgs {
     /// What runs the filters
     #[arg(long, value_enum, value_name = "BACKEND", default_value_t = Choice::DEFAULT)]
     backend: Choice,
+
+    #[command(flatten)]
+    lanes: LanesArgs,
 
     /// Which GPU: an index or a part of its name (see `tamis gpus`) [default: the
     /// best]
@@ -122,13 +170,17 @@ impl BackendArgs {
         }
     }
 
+    fn open_processor(&self, processor: Processor) -> Result<Box<dyn Backend>, Error> {
+        processor.open(self.lanes.lanes)
+    }
+
     fn processor(&self, processor: Processor) -> Result<Opened, Error> {
         if self.gpu.is_some() {
             return Err(Error::Usage(
                 "--gpu: only `--backend gpu` and `--backend auto` use one".to_owned(),
             ));
         }
-        Ok(Opened { backend: processor.open()?, frames: NonZeroUsize::MIN })
+        Ok(Opened { backend: self.open_processor(processor)?, frames: NonZeroUsize::MIN })
     }
 
     #[cfg(not(feature = "gpu"))]
@@ -140,7 +192,7 @@ impl BackendArgs {
     fn auto(&self, log: Log) -> Result<Opened, Error> {
         let _ = (self.precision, self.max_memory);
         log.say("--backend auto: this program was built without GPUs; the processor filters");
-        Ok(Opened { backend: Processor::DEFAULT.open()?, frames: NonZeroUsize::MIN })
+        Ok(Opened { backend: self.open_processor(Processor::DEFAULT)?, frames: NonZeroUsize::MIN })
     }
 
     #[cfg(feature = "gpu")]
@@ -153,7 +205,7 @@ impl BackendArgs {
     fn auto(&self, log: Log) -> Result<Opened, Error> {
         use crate::backend::gpu::{Gpu, Kind, choose};
 
-        let processor = Processor::DEFAULT.open()?;
+        let processor = self.open_processor(Processor::DEFAULT)?;
         let opened = choose(self.gpu.as_deref()).and_then(|adapter| match adapter.kind() {
             // Somebody may want to see it work; by itself nobody is served by it.
             Kind::Software if self.gpu.is_none() => Ok(Err(adapter.name().to_owned())),

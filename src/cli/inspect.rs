@@ -1,4 +1,5 @@
-//! `tamis inspect`: what is in a file, and what becomes of it.
+//! `tamis inspect`: what is in a file, and what becomes of it. What this computer
+//! can do is next door, in [`host`].
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -8,6 +9,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::error::Error;
+use super::host;
 use crate::expr::{Feature, PlaneId, Quantity};
 use crate::report::score::json;
 use crate::report::{Align, Format, Table, number};
@@ -18,18 +20,25 @@ const EXAMPLES: &str = "\
 Examples:
   tamis inspect render.exr
   tamis inspect --json render.exr
+  tamis inspect --host
 
 FEEDS names the term of expressions that reads a channel. A variance that the
 file lacks is estimated from the image where a filter reads it; gradients are
 always derived.";
 
-/// List a file's channels, what they feed, and what is wrong with them.
+/// List a file's channels, what they feed, and what is wrong with them; or what
+/// this processor can do.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Inspect {
     /// An OpenEXR file
-    #[arg(value_name = "IN.exr")]
-    input: PathBuf,
+    #[arg(value_name = "IN.exr", required_unless_present = "host")]
+    input: Option<PathBuf>,
+
+    /// Instead of a file: how wide machine code can be on this processor, and what
+    /// `--lanes auto` takes
+    #[arg(long, conflicts_with = "input")]
+    host: bool,
 
     /// Print JSON
     #[arg(long)]
@@ -109,7 +118,10 @@ enum VarianceEntry {
 
 impl Inspect {
     pub(super) fn run(&self) -> Result<String, Error> {
-        let inspection = Inspection::of(&self.input)?;
+        let Some(input) = &self.input else {
+            return host::report(self.json);
+        };
+        let inspection = Inspection::of(input)?;
         let findings = Findings::new(&inspection, &inspection.scan()?);
         Ok(if self.json { json(&findings) } else { findings.text() })
     }

@@ -22,6 +22,7 @@ mod export;
 mod fallback;
 mod filters;
 mod gpus;
+mod host;
 mod inspect;
 mod language;
 mod log;

@@ -155,7 +155,7 @@ impl Preset {
             finalists: 16,
             batch: 64,
             together: images::TOGETHER,
-            racing: Racing { on: true, rungs: vec![0.02, 0.1], bar: 0.35, deviations: 2.0 },
+            racing: Racing { on: true, rungs: vec![0.02, 0.1, 0.3], bar: 0.1, deviations: 2.0 },
         };
         match self {
             Self::Paper => paper,

@@ -1,6 +1,7 @@
 //! One suite for every back end, one line each below.
 //!
-//! A GPU that is absent is shown as ignored, never as passed; with
+//! Vectors that the processor lacks and a GPU that is absent are shown as ignored,
+//! never as passed; with
 //! `TAMIS_REQUIRE_GPU=1` in the environment its absence is a failure.
 
 #[path = "../fixture/mod.rs"]
@@ -18,7 +19,7 @@ use libtest_mimic::Arguments;
 use tamis::backend::gpu::{Gpu, Options, adapters};
 use tamis::backend::shader::Loads;
 use tamis::backend::wgsl::Precision;
-use tamis::backend::{Backend, Interpreter, Jit};
+use tamis::backend::{Backend, Features, Interpreter, Jit, Width};
 use tamis_jit::Chains;
 
 use harness::{is_required, trial};
@@ -26,8 +27,11 @@ use harness::{is_required, trial};
 type Opened = LazyLock<Box<dyn Backend + Send>>;
 
 static INTERP: Opened = LazyLock::new(|| Box::new(Interpreter));
-static JIT: Opened = LazyLock::new(|| jit(Chains::Four));
-static JIT_OF_ONE_CHAIN: Opened = LazyLock::new(|| jit(Chains::One));
+static JIT_128: Opened = LazyLock::new(|| jit(Width::Bits128, Chains::Four));
+static JIT_128_OF_ONE_CHAIN: Opened = LazyLock::new(|| jit(Width::Bits128, Chains::One));
+static JIT_256: Opened = LazyLock::new(|| jit(Width::Bits256, Chains::Two));
+static JIT_512: Opened = LazyLock::new(|| jit(Width::Bits512, Chains::One));
+static JIT_512_OF_TWO_CHAINS: Opened = LazyLock::new(|| jit(Width::Bits512, Chains::Two));
 static GPU: Opened = LazyLock::new(|| open(Options::default()));
 static GPU_PLANAR: Opened = LazyLock::new(|| open(loading(Loads::Planar)));
 static GPU_TILED: Opened = LazyLock::new(|| open(loading(Loads::Tiled)));
@@ -36,8 +40,15 @@ static GPU_FAST: Opened =
 static GPU_WITHOUT_TABLE: Opened =
     LazyLock::new(|| open(Options { tap_table: false, ..Options::default() }));
 
-const PROCESSOR: &[(&str, &Opened)] =
-    &[("interp", &INTERP), ("jit", &JIT), ("jit_of_one_chain", &JIT_OF_ONE_CHAIN)];
+/// With the width that each takes.
+const PROCESSOR: &[(&str, Option<Width>, &Opened)] = &[
+    ("interp", None, &INTERP),
+    ("jit_128", Some(Width::Bits128), &JIT_128),
+    ("jit_128_of_one_chain", Some(Width::Bits128), &JIT_128_OF_ONE_CHAIN),
+    ("jit_256", Some(Width::Bits256), &JIT_256),
+    ("jit_512", Some(Width::Bits512), &JIT_512),
+    ("jit_512_of_two_chains", Some(Width::Bits512), &JIT_512_OF_TWO_CHAINS),
+];
 const GPUS: &[(&str, &Opened)] = &[
     ("gpu", &GPU),
     ("gpu_planar", &GPU_PLANAR),
@@ -46,8 +57,8 @@ const GPUS: &[(&str, &Opened)] = &[
     ("gpu_without_table", &GPU_WITHOUT_TABLE),
 ];
 
-fn jit(chains: Chains) -> Box<dyn Backend + Send> {
-    Box::new(Jit::new().expect("the host has a code generator").with_chains(chains))
+fn jit(width: Width, chains: Chains) -> Box<dyn Backend + Send> {
+    Box::new(Jit::with_width(width).expect("the host has it").with_chains(chains))
 }
 
 fn loading(loads: Loads) -> Options {
@@ -63,12 +74,15 @@ fn main() -> ExitCode {
     let absent = adapters().is_empty() && !is_required();
 
     let mut trials = Vec::new();
-    for (backends, ignored) in [(PROCESSOR, false), (GPUS, absent)] {
-        for &(name, opened) in backends {
-            for case in suite::CASES {
-                let name = format!("{name}::{}", case.name);
-                trials.push(trial(name, ignored, || (case.check)(&***opened)));
-            }
+    let processor = PROCESSOR.iter().map(|&(name, width, opened)| {
+        let lacking = width.is_some_and(|width| !Features::of_host().allow(width));
+        (name, lacking, opened)
+    });
+    let gpus = GPUS.iter().map(|&(name, opened)| (name, absent, opened));
+    for (name, ignored, opened) in processor.chain(gpus) {
+        for case in suite::CASES {
+            let name = format!("{name}::{}", case.name);
+            trials.push(trial(name, ignored, || (case.check)(&***opened)));
         }
     }
     for &(name, check) in rows::CASES.iter().chain(gpu::CASES) {

@@ -1,6 +1,6 @@
 //! The windowed sum as plain loops over [`Scalar`] lanes.
 
-use tamis_jit::{Body, Chains, Compiler, Job, Scalar, WindowSpec};
+use tamis_jit::{Body, Chains, CompileError, Compiler, Job, Scalar, Width, WindowSpec};
 
 /// All results of one pixel, in the order of [`WindowSpec::result`].
 fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize) -> Vec<f32> {
@@ -49,10 +49,18 @@ fn bits(value: f32) -> u32 {
     if value.is_nan() { f32::NAN.to_bits() } else { value.to_bits() }
 }
 
-/// Compiles `body` for every number of chains, runs it on `job`, and compares
-/// every result of every pixel with the reference.
+/// Compilers of all widths that this host has.
+pub(crate) fn compilers() -> Vec<Compiler> {
+    let compiler = |width| match Compiler::with_width(width) {
+        Err(CompileError::Width(_)) if width != Width::Bits128 => None,
+        made => Some(made.expect("the tests need a host with FMA")),
+    };
+    Width::ALL.into_iter().filter_map(compiler).collect()
+}
+
+/// Compiles `body` for every width and number of chains, runs it on `job`, and
+/// compares every result of every pixel with the reference.
 pub(crate) fn assert_agrees<B: Body>(spec: WindowSpec, body: &B, job: &Job<'_>) {
-    let compiler = Compiler::host().expect("the tests need a host with FMA");
     let expected: Vec<Vec<f32>> = job
         .rect
         .y
@@ -60,8 +68,11 @@ pub(crate) fn assert_agrees<B: Body>(spec: WindowSpec, body: &B, job: &Job<'_>) 
         .flat_map(|y| job.rect.x.clone().map(move |x| (x, y)))
         .map(|(x, y)| pixel(&spec, body, job, x, y))
         .collect();
-    for chains in Chains::ALL {
-        let kernel = compiler.compile(spec, chains, body).expect("compiles");
+    let compilers = compilers();
+    let ways = compilers.iter().flat_map(|c| Chains::ALL.map(|chains| (c, chains)));
+    for (compiler, chains) in ways {
+        let width = compiler.width();
+        let kernel = compiler.compile(spec, Some(chains), body).expect("compiles");
         let mut out = vec![0.0; kernel.output_shape(&job.rect).len()];
         let shape = kernel.run(job, &mut out, &mut []).expect("fits");
         for (n, sums) in expected.iter().enumerate() {
@@ -71,7 +82,8 @@ pub(crate) fn assert_agrees<B: Body>(spec: WindowSpec, body: &B, job: &Job<'_>) 
                 assert_eq!(
                     bits(found),
                     bits(sum),
-                    "{chains:?}, row {row}, column {column}, result {result}: {found:e}, not {sum:e}"
+                    "{width}, {chains:?}, row {row}, column {column}, result {result}: {found:e}, \
+                     not {sum:e}"
                 );
             }
         }

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use super::contest::{Contestant, Course, Lap, Runner};
 use crate::backend::{Backend, Executable, Filtered, Rect};
 use crate::cli::apply::{needs, stage};
-use crate::cli::backend::Processor;
+use crate::cli::backend::{Lanes, Processor};
 use crate::cli::error::Error;
 use crate::plan::{Filter, Passes, Plan};
 use crate::scene::Image;
@@ -41,16 +41,19 @@ impl Choice {
         }
     }
 
-    /// Opens it, once for each of its precisions.
-    pub(super) fn open(self, gpu: Option<&str>) -> Result<Vec<Engine>, Error> {
-        let on_processor = |processor: Processor| {
-            let backend = processor.open()?;
-            let name = backend.name().to_owned();
-            Ok(vec![Engine { name, backend, lazy: false }])
+    /// Opens it, once for each width of its vectors or each of its precisions.
+    pub(super) fn open(self, lanes: &[Lanes], gpu: Option<&str>) -> Result<Vec<Engine>, Error> {
+        let on_processor = |processor: Processor, lanes: Lanes| {
+            let backend = processor.open(lanes)?;
+            let name = match lanes {
+                Lanes::Auto => backend.name().to_owned(),
+                _ => format!("{} {}", backend.name(), lanes.name()),
+            };
+            Ok(Engine { name, backend, lazy: false })
         };
         match self {
-            Self::Jit => on_processor(Processor::Jit),
-            Self::Interp => on_processor(Processor::Interp),
+            Self::Jit => lanes.iter().map(|&lanes| on_processor(Processor::Jit, lanes)).collect(),
+            Self::Interp => Ok(vec![on_processor(Processor::Interp, Lanes::Auto)?]),
             Self::Gpu => on_gpu(gpu),
         }
     }

@@ -22,6 +22,7 @@ use std::rc::Rc;
 use clap::Args;
 
 use super::apply::{needs, reach};
+use super::backend::Lanes;
 use super::error::Error;
 use super::log::Log;
 use super::score::filters;
@@ -68,6 +69,10 @@ pub(super) struct Bench {
     /// What runs the filters [default: all that need no GPU]
     #[arg(long, num_args = 1.., value_enum, value_name = "BACKEND")]
     backend: Vec<Choice>,
+
+    /// Bits of the vectors of machine code, each of them a back end of its own
+    #[arg(long, num_args = 1.., value_enum, value_name = "BITS", default_value = "auto")]
+    lanes: Vec<Lanes>,
 
     /// Which GPU: an index or a part of its name (see `tamis gpus`) [default: the
     /// best]
@@ -182,7 +187,7 @@ impl Bench {
         let choices = if self.backend.is_empty() { &processors } else { &self.backend };
         let mut engines: Vec<Rc<Engine>> = Vec::new();
         for choice in choices {
-            engines.extend(choice.open(self.gpu.as_deref())?.into_iter().map(Rc::new));
+            engines.extend(choice.open(&self.lanes, self.gpu.as_deref())?.into_iter().map(Rc::new));
         }
         let mut entrants = Vec::new();
         for filter in filters {

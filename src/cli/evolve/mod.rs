@@ -13,7 +13,7 @@ use std::time::Duration;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
-use super::backend::Processor;
+use super::backend::{LanesArgs, Processor};
 use super::error::Error;
 use super::log::Log;
 use super::measure::Measuring;
@@ -74,6 +74,9 @@ pub(super) struct Evolve {
     #[arg(long, value_enum, value_name = "BACKEND", default_value_t = Processor::DEFAULT)]
     backend: Processor,
 
+    #[command(flatten)]
+    lanes: LanesArgs,
+
     /// Go on from the checkpoint in the output folder
     #[arg(long, conflicts_with = "preset")]
     resume: bool,
@@ -109,7 +112,7 @@ impl Evolve {
         };
         self.parameters.apply(&mut settings);
         settings.validate()?;
-        let backend = self.backend.open()?;
+        let backend = self.backend.open(self.lanes.lanes)?;
         let files = scenes::find(&self.scenes)?;
         let training = load(&files, &settings, log)?;
         self.make_folder()?;

@@ -9,6 +9,7 @@
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
+use super::kin;
 use super::sample::Sample;
 use crate::backend::{Backend, BackendError};
 use crate::expr::Tree;
@@ -82,20 +83,20 @@ impl Batching<'_> {
             .enumerate()
             .map(|(k, plan)| Some(*first.entry(Program::of(plan.as_ref()?)).or_insert(k)))
             .collect();
-        let runs = |signed| {
-            let plans = &plans;
-            let runs = move |&k: &usize| plans[k].as_ref().is_some_and(|p| p.signed() == signed);
-            let mut list: Vec<usize> =
-                (0..trees.len()).filter(|&k| leader[k] == Some(k)).filter(runs).collect();
-            // A plan takes the taps that count for any of its weights: those whose
-            // support is small should be among themselves.
-            list.sort_by_key(|&k| plans[k].as_ref().map(|plan| plan.taps().count()));
-            list
-        };
         // One weight that may be negative makes a plan sum all magnitudes.
-        let (unsigned, signed) = (runs(false), runs(true));
-        let batches: Vec<&[usize]> =
-            [&unsigned, &signed].into_iter().flat_map(|runs| self.cut(runs)).collect();
+        let batches: Vec<Vec<usize>> = [false, true]
+            .into_iter()
+            .flat_map(|signed| {
+                let (numbers, plans): (Vec<usize>, Vec<&Plan>) = plans
+                    .iter()
+                    .enumerate()
+                    .filter_map(|(k, plan)| Some((k, plan.as_ref()?)))
+                    .filter(|&(k, plan)| leader[k] == Some(k) && plan.signed() == signed)
+                    .unzip();
+                let groups = kin::groups(&plans, self.together);
+                groups.into_iter().map(move |group| group.iter().map(|&k| numbers[k]).collect())
+            })
+            .collect();
         let measured: FxHashMap<usize, Vec<T>> = batches
             .par_iter()
             .flat_map_iter(|batch| {
@@ -119,12 +120,6 @@ impl Batching<'_> {
             })
             .collect();
         leader.into_iter().map(|leader| measured.get(&leader?).cloned()).collect()
-    }
-
-    /// Cuts a list into the fewest batches, of equal size.
-    fn cut<'a>(&self, list: &'a [usize]) -> impl Iterator<Item = &'a [usize]> {
-        let batches = list.len().div_ceil(self.together);
-        list.chunks(list.len().div_ceil(batches.max(1)).max(1))
     }
 
     /// Per weight of a plan, what `measure` makes of each sample.

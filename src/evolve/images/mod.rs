@@ -3,6 +3,7 @@
 
 mod batch;
 mod coverage;
+mod kin;
 mod race;
 mod rungs;
 mod sample;
@@ -54,7 +55,7 @@ impl TrainingScene {
 }
 
 /// Expressions in one plan, unless told otherwise.
-pub const TOGETHER: usize = 8;
+pub const TOGETHER: usize = 32;
 
 /// Judges expressions by the sum over scenes of the relative mean square error.
 pub struct ImageFitness<'a> {

@@ -1,0 +1,610 @@
+//! The body of the loops: registers given out and instructions chosen, in one
+//! pass over the program.
+//!
+//! Every op is emitted for all chains before the next one begins, so that
+//! neighbours in the instruction stream do not depend on one another. When a
+//! register is needed and none is free, the value goes whose next use is
+//! furthest away, which is the best choice for straight-line code (Belady 1966);
+//! leaves are only forgotten, as they can be read again. What is read from
+//! memory once or twice is an operand of the instruction that needs it. Registers
+//! that are left over hold leaves for the whole loop.
+
+use std::cmp::Reverse;
+use std::mem::offset_of;
+
+use super::encode::{Address, Assembler, Fused, Operand, Predicate, Vector};
+use super::frame::{CALL, Frame, MIRROR, NEIGHBOUR, PIXEL, PLANES, SUM, TAP, TEMPORARY};
+use super::program::{Binary, Id, Leaf, Op, Program};
+use crate::call::Call;
+use crate::lanes::Side;
+use crate::width::Width;
+
+/// The number of a value: an op's in one of the chains.
+type Value = usize;
+
+/// Where in the instruction stream: a position in the order, in one of the chains.
+type Place = usize;
+
+/// No further use.
+const NEVER: Place = usize::MAX;
+
+/// A value in memory is worth a register if it is used three times within so
+/// many ops; otherwise its uses read it from there.
+const NEAR: usize = 24;
+
+/// Registers beside the program's own values that an instruction may take: two
+/// leaves that cannot both be read from memory, and a mask.
+const PASSING: usize = 3;
+
+/// Gives registers to a program's values and emits it.
+pub(super) struct Emitter<'a> {
+    asm: &'a mut Assembler,
+    frame: &'a Frame,
+    program: &'a Program,
+    /// The ops to emit.
+    order: &'a [Id],
+    /// The constants in the order of the pool.
+    constants: &'a [u32],
+    uses: Uses,
+    /// What each register holds.
+    holder: Vec<Option<Value>>,
+    /// Registers that are not to be given out.
+    fixed: Vec<bool>,
+    /// Registers of the operands of the instruction at hand.
+    locked: Vec<bool>,
+    /// Where each value is: in a register, in a slot, in both, or (leaves) in neither.
+    register: Vec<Option<Vector>>,
+    slot: Vec<Option<usize>>,
+    free_slots: Vec<usize>,
+    /// Free too, but the instruction at hand may still read them.
+    retired_slots: Vec<usize>,
+    slots: usize,
+    /// Leaves that have registers of their own.
+    pinned: Vec<(Value, Vector)>,
+}
+
+/// The places where values are used.
+struct Uses {
+    /// All values' places, those of a value together and in order.
+    places: Vec<Place>,
+    /// Of each value, the next of them and the end.
+    rest: Vec<(usize, usize)>,
+}
+
+impl Uses {
+    fn new(program: &Program, order: &[Id], chains: usize) -> Self {
+        let values = program.ops.len() * chains;
+        let mut counts = vec![0usize; values];
+        for_each_use(program, order, chains, |value, _| counts[value] += 1);
+        let mut rest = Vec::with_capacity(values);
+        let mut end = 0;
+        for count in counts {
+            rest.push((end, end));
+            end += count;
+        }
+        let mut places = vec![0; end];
+        for_each_use(program, order, chains, |value, place| {
+            places[rest[value].1] = place;
+            rest[value].1 += 1;
+        });
+        Self { places, rest }
+    }
+
+    /// Where a value is used next.
+    fn next(&self, value: Value) -> Place {
+        let (next, end) = self.rest[value];
+        if next < end { self.places[next] } else { NEVER }
+    }
+
+    /// How often it is used from here on, before `place`.
+    fn before(&self, value: Value, place: Place) -> usize {
+        let (next, end) = self.rest[value];
+        self.places[next..end].iter().take_while(|&&use_| use_ < place).count()
+    }
+
+    fn left(&self, value: Value) -> usize {
+        let (next, end) = self.rest[value];
+        end - next
+    }
+
+    /// Passes all uses up to `place`.
+    fn pass(&mut self, value: Value, place: Place) {
+        let (next, end) = &mut self.rest[value];
+        while *next < *end && self.places[*next] <= place {
+            *next += 1;
+        }
+    }
+}
+
+fn for_each_use(
+    program: &Program,
+    order: &[Id],
+    chains: usize,
+    mut each: impl FnMut(Value, Place),
+) {
+    for (position, &id) in order.iter().enumerate() {
+        for chain in 0..chains {
+            for operand in program.ops[id as usize].operands() {
+                each(value(program, chains, operand, chain), position * chains + chain);
+            }
+        }
+    }
+}
+
+/// The value of an op in a chain; uniform leaves have one for all chains.
+fn value(program: &Program, chains: usize, id: Id, chain: usize) -> Value {
+    let uniform = matches!(program.ops[id as usize], Op::Leaf(leaf) if leaf.is_uniform());
+    id as usize * chains + if uniform { 0 } else { chain }
+}
+
+/// The most values of the program's own that are alive at a time, in one chain.
+fn pressure(program: &Program, order: &[Id]) -> usize {
+    let mut alive = vec![false; program.ops.len()];
+    let (mut count, mut most) = (0usize, 0);
+    for &id in order.iter().rev() {
+        if alive[id as usize] {
+            count -= 1;
+        }
+        for operand in program.ops[id as usize].operands() {
+            let operand = operand as usize;
+            if !alive[operand] && !matches!(program.ops[operand], Op::Leaf(_)) {
+                alive[operand] = true;
+                count += 1;
+            }
+        }
+        most = most.max(count);
+    }
+    most
+}
+
+impl<'a> Emitter<'a> {
+    pub(super) fn new(
+        asm: &'a mut Assembler,
+        frame: &'a Frame,
+        program: &'a Program,
+        order: &'a [Id],
+        constants: &'a [u32],
+    ) -> Self {
+        let values = program.ops.len() * frame.chains;
+        let registers = usize::from(asm.registers());
+        let mut emitter = Self {
+            asm,
+            frame,
+            program,
+            order,
+            constants,
+            uses: Uses::new(program, order, frame.chains),
+            holder: vec![None; registers],
+            fixed: vec![false; registers],
+            locked: vec![false; registers],
+            register: vec![None; values],
+            slot: vec![None; values],
+            free_slots: Vec::new(),
+            retired_slots: Vec::new(),
+            slots: 0,
+            pinned: Vec::new(),
+        };
+        for &Vector(partial) in &frame.partials {
+            emitter.fixed[usize::from(partial)] = true;
+        }
+        emitter.pin();
+        emitter
+    }
+
+    /// Gives registers that no value will need to the leaves that are read most.
+    fn pin(&mut self) {
+        let chains = self.frame.chains;
+        let needed = pressure(self.program, self.order) * chains + PASSING;
+        let spare = (self.holder.len() - self.frame.partials.len()).saturating_sub(needed);
+        let mut leaves: Vec<Value> = Vec::new();
+        for (k, op) in self.program.ops.iter().enumerate() {
+            match op {
+                Op::Leaf(Leaf::Constant(_)) => leaves.push(k * chains),
+                Op::Leaf(Leaf::Plane(_, Side::I)) => {
+                    leaves.extend((0..chains).map(|c| k * chains + c))
+                }
+                _ => {}
+            }
+        }
+        leaves.retain(|&leaf| self.uses.left(leaf) > 0);
+        leaves.sort_by_key(|&leaf| Reverse(self.uses.left(leaf)));
+        let free = (0..self.holder.len()).filter(|&r| !self.fixed[r]);
+        let registers: Vec<usize> = free.take(spare).collect();
+        for (leaf, register) in leaves.into_iter().zip(registers) {
+            let vector = Vector(register as u8);
+            self.fixed[register] = true;
+            self.register[leaf] = Some(vector);
+            self.pinned.push((leaf, vector));
+        }
+    }
+
+    /// Loads the pinned leaves that are the same for all pixels, or those that are not.
+    pub(super) fn load_pinned(&mut self, uniform: bool) {
+        for (leaf, register) in self.pinned.clone() {
+            if self.leaf(leaf).is_uniform() == uniform {
+                let operand = self.in_memory(leaf);
+                self.asm.load(register, operand);
+            }
+        }
+    }
+
+    /// The assembler, for what stands around the body.
+    pub(super) fn asm(&mut self) -> &mut Assembler {
+        self.asm
+    }
+
+    /// A register that holds nothing before and after the program.
+    pub(super) fn passing(&self) -> Vector {
+        let open = self.fixed.iter().position(|fixed| !fixed);
+        Vector(open.expect("some registers are left to the program") as u8)
+    }
+
+    /// Emits the program; returns how many slots of scratch memory it takes.
+    pub(super) fn run(&mut self) -> usize {
+        for (position, &id) in self.order.iter().enumerate() {
+            for chain in 0..self.frame.chains {
+                self.emit(id, position, chain);
+            }
+        }
+        self.slots
+    }
+
+    fn leaf(&self, value: Value) -> Leaf {
+        match self.program.ops[value / self.frame.chains] {
+            Op::Leaf(leaf) => leaf,
+            op => unreachable!("{op:?} is no leaf"),
+        }
+    }
+
+    fn is_leaf(&self, value: Value) -> bool {
+        matches!(self.program.ops[value / self.frame.chains], Op::Leaf(_))
+    }
+
+    /// Where a value that is in no register can be read. The address may need the
+    /// temporary register, so it holds for the next instruction alone.
+    fn in_memory(&mut self, value: Value) -> Operand {
+        if let Some(slot) = self.slot[value] {
+            return Operand::Memory(self.frame.slot(slot));
+        }
+        match self.leaf(value) {
+            Leaf::Constant(bits) => {
+                let index = self.constants.binary_search(&bits);
+                self.asm.constant(index.expect("all constants are in the pool"))
+            }
+            Leaf::Tap(index) => Operand::Broadcast(Address::new(TAP, index * size_of::<f32>())),
+            Leaf::Plane(plane, side) => {
+                let base = self.frame.bases.iter().find(|(index, _)| *index == plane);
+                let base = base.map(|&(_, register)| register).unwrap_or_else(|| {
+                    let entry = Address::new(PLANES, plane * size_of::<*const f32>());
+                    self.asm.fetch(TEMPORARY, entry);
+                    TEMPORARY
+                });
+                let index = if side == Side::I { PIXEL } else { NEIGHBOUR };
+                let chain = value % self.frame.chains;
+                let displacement = (chain * self.frame.width.bytes()) as i64;
+                Operand::Memory(Address::At { base, index, displacement })
+            }
+        }
+    }
+
+    /// Whether instructions can read it from memory.
+    fn is_readable(&self, value: Value) -> bool {
+        let spread = self.frame.width == Width::Bits512;
+        spread || !(self.is_leaf(value) && matches!(self.leaf(value), Leaf::Tap(_)))
+    }
+
+    fn hold(&mut self, value: Value, Vector(register): Vector) {
+        self.holder[usize::from(register)] = Some(value);
+        self.register[value] = Some(Vector(register));
+    }
+
+    fn lock(&mut self, Vector(register): Vector) {
+        self.locked[usize::from(register)] = true;
+    }
+
+    /// A register for a new value, which another one may have to leave.
+    fn take(&mut self) -> Vector {
+        let registers = 0..self.holder.len();
+        let open = |r: &usize| !self.fixed[*r] && !self.locked[*r];
+        if let Some(free) = registers.clone().find(|r| open(r) && self.holder[*r].is_none()) {
+            return Vector(free as u8);
+        }
+        let furthest = registers.filter(open).max_by_key(|&r| {
+            let value = self.holder[r].expect("it is not free");
+            // Of equals, those that need not be written.
+            (self.uses.next(value), self.is_leaf(value) || self.slot[value].is_some())
+        });
+        let register = furthest.expect("an instruction locks fewer registers than there are");
+        let value = self.holder[register].take().expect("it is not free");
+        self.register[value] = None;
+        let register = Vector(register as u8);
+        if !self.is_leaf(value) && self.slot[value].is_none() && self.uses.next(value) != NEVER {
+            let slot = self.free_slots.pop().unwrap_or_else(|| {
+                self.slots += 1;
+                self.slots - 1
+            });
+            self.slot[value] = Some(slot);
+            self.asm.store(self.frame.slot(slot), register);
+        }
+        register
+    }
+
+    /// The value in a register that stays its own for this instruction.
+    fn held(&mut self, value: Value) -> Vector {
+        let register = self.register[value].unwrap_or_else(|| {
+            let register = self.take();
+            let operand = self.in_memory(value);
+            self.asm.load(register, operand);
+            self.hold(value, register);
+            register
+        });
+        self.lock(register);
+        register
+    }
+
+    /// Whether an instruction at `place` should read a value from memory: it is
+    /// there, and not worth a register.
+    fn stays_in_memory(&self, value: Value, place: Place) -> bool {
+        if self.register[value].is_some() || !self.is_readable(value) {
+            return false;
+        }
+        let near = place + 1 + NEAR * self.frame.chains;
+        let open = |r: usize| !self.fixed[r] && self.holder[r].is_none();
+        let free = (0..self.holder.len()).any(open);
+        !(free && self.uses.before(value, near) >= 2)
+    }
+
+    /// The value where it is, or where it should be.
+    fn operand(&mut self, value: Value, place: Place) -> Operand {
+        match self.stays_in_memory(value, place) {
+            true => self.in_memory(value),
+            false => Operand::Register(self.held(value)),
+        }
+    }
+
+    /// Whether nobody needs it after this instruction, so that its register can
+    /// be overwritten.
+    fn dies(&self, value: Value) -> bool {
+        let register = self.register[value];
+        let own = register.is_some_and(|Vector(r)| !self.fixed[usize::from(r)]);
+        own && self.uses.next(value) == NEVER
+    }
+
+    /// Gives back what a value had that nobody needs any more.
+    fn release(&mut self, value: Value) {
+        if self.uses.next(value) != NEVER {
+            return;
+        }
+        if let Some(Vector(register)) = self.register[value]
+            && !self.fixed[usize::from(register)]
+        {
+            self.holder[usize::from(register)] = None;
+            self.locked[usize::from(register)] = false;
+            self.register[value] = None;
+        }
+        self.retired_slots.extend(self.slot[value].take());
+    }
+
+    /// Emits an op in one chain.
+    fn emit(&mut self, id: Id, position: usize, chain: usize) {
+        let chains = self.frame.chains;
+        let (op, place) = (self.program.ops[id as usize], position * chains + chain);
+        let result = id as usize * chains + chain;
+        let value_of = |id| value(self.program, chains, id, chain);
+        let operands: Vec<Value> = op.operands().map(value_of).collect();
+        self.locked.fill(false);
+        self.free_slots.append(&mut self.retired_slots);
+        for &operand in &operands {
+            self.uses.pass(operand, place);
+            if let Some(register) = self.register[operand] {
+                self.lock(register);
+            }
+        }
+        match op {
+            Op::Leaf(_) => {}
+            Op::Unary(op, _) => {
+                let x = match self.asm.unary_takes_memory(op) {
+                    true => self.operand(operands[0], place),
+                    false => Operand::Register(self.held(operands[0])),
+                };
+                self.release(operands[0]);
+                let to = self.take();
+                self.asm.unary(op, to, x);
+                self.hold(result, to);
+            }
+            Op::Binary(op, ..) => {
+                let to = self.binary(op, operands[0], operands[1], place);
+                self.hold(result, to);
+            }
+            Op::Fma(..) => {
+                let to = self.fma(operands[0], operands[1], operands[2], place);
+                self.hold(result, to);
+            }
+            Op::Select(_) => {
+                let to = self.select(&operands, place);
+                self.hold(result, to);
+            }
+            Op::Accumulate(index, ..) => {
+                self.accumulate(index, operands[0], operands[1], place, chain);
+            }
+            Op::Owe(index, ..) => self.owe(index, operands[0], operands[1], chain),
+        }
+        for operand in operands {
+            self.release(operand);
+        }
+    }
+
+    fn binary(&mut self, op: Binary, x: Value, y: Value, place: Place) -> Vector {
+        let exchange = op.commutes()
+            && self.register[y].is_some()
+            && self.register[x].is_none()
+            && self.is_readable(x);
+        let (x, y) = if exchange { (y, x) } else { (x, y) };
+        let first = self.held(x);
+        let second = self.operand(y, place);
+        self.release(x);
+        self.release(y);
+        let to = self.take();
+        self.asm.binary(op, to, first, second);
+        to
+    }
+
+    fn fma(&mut self, x: Value, y: Value, z: Value, place: Place) -> Vector {
+        // At most one operand stays in memory, and only if it is there once.
+        let single = |value: Value| [x, y, z].iter().filter(|&&other| other == value).count() == 1;
+        let memory = [z, y, x].into_iter().find(|&v| single(v) && self.stays_in_memory(v, place));
+        for value in [x, y, z] {
+            if Some(value) != memory {
+                self.held(value);
+            }
+        }
+        // x and y may be exchanged, so that only y or z is in memory.
+        let (x, y) = if memory == Some(x) { (y, x) } else { (x, y) };
+        let register = |emitter: &Self, value: Value| {
+            emitter.register[value].expect("it is held, and nothing was taken since")
+        };
+        let overwritten = |emitter: &Self, value: Value| {
+            (Some(value) != memory && emitter.dies(value)).then(|| register(emitter, value))
+        };
+        let [x_dies, y_dies, z_dies] = [x, y, z].map(|value| overwritten(self, value));
+        let factor = register(self, x);
+        let to = if memory == Some(z) {
+            match (x_dies, y_dies) {
+                (Some(to), _) => {
+                    let (other, last) = (register(self, y), self.in_memory(z));
+                    self.asm.fused(Fused::Order213, to, other, last);
+                    to
+                }
+                (None, Some(to)) => {
+                    let last = self.in_memory(z);
+                    self.asm.fused(Fused::Order213, to, factor, last);
+                    to
+                }
+                (None, None) => {
+                    let other = Operand::Register(register(self, y));
+                    let to = self.take();
+                    let sum = self.in_memory(z);
+                    self.asm.load(to, sum);
+                    self.asm.fused(Fused::Order231, to, factor, other);
+                    to
+                }
+            }
+        } else {
+            let sum = register(self, z);
+            let last = match memory == Some(y) {
+                true => self.in_memory(y),
+                false => Operand::Register(register(self, y)),
+            };
+            match (z_dies, x_dies, y_dies) {
+                (Some(to), _, _) => {
+                    self.asm.fused(Fused::Order231, to, factor, last);
+                    to
+                }
+                (None, Some(to), _) => {
+                    self.asm.fused(Fused::Order132, to, sum, last);
+                    to
+                }
+                (None, None, Some(to)) => {
+                    self.asm.fused(Fused::Order213, to, factor, Operand::Register(sum));
+                    to
+                }
+                (None, None, None) => {
+                    let to = self.take();
+                    self.asm.load(to, last);
+                    self.asm.fused(Fused::Order213, to, factor, Operand::Register(sum));
+                    to
+                }
+            }
+        };
+        // The result's register may have been an operand's.
+        for value in [x, y, z] {
+            self.release(value);
+        }
+        to
+    }
+
+    fn select(&mut self, operands: &[Value], place: Place) -> Vector {
+        let &[a, b, x, y] = operands else { unreachable!("a selection has four operands") };
+        // The value for lanes in which the comparison fails has to be in a
+        // register, so the comparison is turned round if that saves reading it.
+        let inverted = self.register[y].is_none()
+            && self.register[x].is_some()
+            && self.stays_in_memory(y, place);
+        let (chosen, other) = if inverted { (y, x) } else { (x, y) };
+        let other_register = self.held(other);
+        let turned = self.register[a].is_none()
+            && self.register[b].is_some()
+            && self.stays_in_memory(a, place);
+        let (first, second) = if turned { (b, a) } else { (a, b) };
+        let predicate = match (turned, inverted) {
+            (false, false) => Predicate::Less,
+            (false, true) => Predicate::NotLess,
+            (true, false) => Predicate::Greater,
+            (true, true) => Predicate::NotGreater,
+        };
+        let first = self.held(first);
+        let second_operand = self.operand(second, place);
+        // Only 256-bit code needs a register for the mask, but one to spare does
+        // no harm. Taking it writes at most a slot, which needs no temporary.
+        let mask = self.take();
+        self.lock(mask);
+        self.asm.compare(predicate, mask, first, second_operand);
+        let chosen_operand = self.operand(chosen, place);
+        for &value in operands {
+            self.release(value);
+        }
+        let to = self.take();
+        self.asm.blend(to, mask, chosen_operand, other_register);
+        to
+    }
+
+    fn accumulate(
+        &mut self,
+        index: usize,
+        channel: Value,
+        weight: Value,
+        place: Place,
+        chain: usize,
+    ) {
+        let factor = self.held(weight);
+        let partial = index * self.frame.chains + chain;
+        if let Some(&partial) = self.frame.partials.get(partial) {
+            let channel = self.operand(channel, place);
+            self.asm.fused(Fused::Order231, partial, factor, channel);
+            return;
+        }
+        let channel = self.operand(channel, place);
+        self.add_product(self.frame.partial(index, chain), factor, channel, weight);
+    }
+
+    fn owe(&mut self, index: usize, channel: Value, weight: Value, chain: usize) {
+        if chain == 0 && index > 0 {
+            let stride = Address::new(CALL, offset_of!(Call, mirror_stride));
+            self.asm.multiply(SUM, stride, index);
+            self.asm.increase(SUM, MIRROR);
+        }
+        let base = if index == 0 { MIRROR } else { SUM };
+        let sum = Address::new(base, chain * self.frame.width.bytes());
+        let factor = self.held(weight);
+        let channel = Operand::Register(self.held(channel));
+        self.add_product(sum, factor, channel, weight);
+    }
+
+    /// `*sum += channel × weight`
+    fn add_product(&mut self, sum: Address, factor: Vector, channel: Operand, weight: Value) {
+        let to = match channel {
+            // The weight's register can hold the sum.
+            Operand::Register(channel) if self.dies(weight) => {
+                self.asm.fused(Fused::Order213, factor, channel, Operand::Memory(sum));
+                factor
+            }
+            _ => {
+                let to = self.take();
+                self.asm.load(to, Operand::Memory(sum));
+                self.asm.fused(Fused::Order231, to, factor, channel);
+                to
+            }
+        };
+        self.asm.store(sum, to);
+    }
+}

@@ -1,0 +1,125 @@
+//! The loops around the body, in the order that [`call`](crate::call) gives.
+
+use std::mem::offset_of;
+
+use super::body::Emitter;
+use super::encode::{Address, Assembler, Operand, Vector};
+use super::frame::{
+    CALL, CHUNKS_LEFT, Frame, MIRROR, NEIGHBOUR, OUT, PIXEL, PLANES, RUN, RUNS_LEFT, SAVED,
+    SCRATCH, STEP, SUM, TAP, TAPS_LEFT, TEMPORARY,
+};
+use super::program::{Binary, Id, Program};
+use crate::call::{Call, RunCall};
+
+/// Emits the whole function; returns how many bytes of scratch memory it takes.
+pub(super) fn emit(
+    asm: &mut Assembler,
+    frame: &Frame,
+    program: &Program,
+    order: &[Id],
+    constants: &[u32],
+) -> usize {
+    for register in SAVED {
+        asm.push(register);
+    }
+    let call = |offset| Address::new(CALL, offset);
+    let local = |offset| Address::new(SCRATCH, offset);
+    asm.fetch(SCRATCH, call(offset_of!(Call, scratch)));
+    asm.fetch(PLANES, call(offset_of!(Call, planes)));
+    asm.fetch(PIXEL, call(offset_of!(Call, pixel)));
+    for &(plane, register) in &frame.bases {
+        asm.fetch(register, Address::new(PLANES, plane * size_of::<*const f32>()));
+    }
+    for (field, place) in [(offset_of!(Call, out), OUT), (offset_of!(Call, chunks), CHUNKS_LEFT)] {
+        asm.fetch(TEMPORARY, call(field));
+        asm.put(local(place), TEMPORARY);
+    }
+    let mut body = Emitter::new(asm, frame, program, order, constants);
+    let passing = body.passing();
+    body.load_pinned(true);
+
+    let chunk = body.asm().here();
+    body.load_pinned(false);
+    let asm = body.asm();
+    for (field, place) in [(offset_of!(Call, runs), RUN), (offset_of!(Call, run_count), RUNS_LEFT)]
+    {
+        asm.fetch(TEMPORARY, call(field));
+        asm.put(local(place), TEMPORARY);
+    }
+
+    let run = asm.here();
+    let of_run = |offset| Address::new(TEMPORARY, offset);
+    asm.fetch(TEMPORARY, local(RUN));
+    asm.copy(NEIGHBOUR, PIXEL);
+    asm.increase_by(NEIGHBOUR, of_run(offset_of!(RunCall, neighbour)));
+    if frame.spec.mirrored {
+        asm.copy(MIRROR, PIXEL);
+        asm.increase_by(MIRROR, of_run(offset_of!(RunCall, mirror)));
+    }
+    asm.fetch(STEP, of_run(offset_of!(RunCall, step)));
+    asm.fetch(TAP, of_run(offset_of!(RunCall, taps)));
+    asm.fetch(TAPS_LEFT, of_run(offset_of!(RunCall, count)));
+    clear_partials(asm, frame, passing);
+
+    let tap = asm.here();
+    let slots = body.run();
+    let asm = body.asm();
+    asm.increase(NEIGHBOUR, STEP);
+    if frame.spec.mirrored {
+        asm.increase(MIRROR, STEP);
+    }
+    if frame.spec.taps > 0 {
+        asm.advance(TAP, frame.spec.taps * size_of::<f32>());
+    }
+    asm.repeat(TAPS_LEFT, tap);
+
+    add_partials(asm, frame, passing);
+    asm.advance_at(local(RUN), size_of::<RunCall>());
+    asm.repeat_at(local(RUNS_LEFT), run);
+
+    asm.advance(PIXEL, frame.chunk_bytes());
+    asm.advance_at(local(OUT), frame.chunk_bytes());
+    asm.repeat_at(local(CHUNKS_LEFT), chunk);
+    for register in SAVED.into_iter().rev() {
+        asm.pop(register);
+    }
+    asm.leave();
+    frame.scratch_bytes(slots)
+}
+
+/// Sets all partials to +0.0.
+fn clear_partials(asm: &mut Assembler, frame: &Frame, passing: Vector) {
+    for &partial in &frame.partials {
+        asm.clear(partial);
+    }
+    if frame.partials.is_empty() {
+        asm.clear(passing);
+        for (index, chain) in places(frame) {
+            asm.store(frame.partial(index, chain), passing);
+        }
+    }
+}
+
+/// Adds the partials of a run to the results of the chunk.
+fn add_partials(asm: &mut Assembler, frame: &Frame, passing: Vector) {
+    asm.fetch(SUM, Address::new(SCRATCH, OUT));
+    for (index, chain) in places(frame) {
+        if index > 0 && chain == 0 {
+            asm.increase_by(SUM, Address::new(CALL, offset_of!(Call, out_stride)));
+        }
+        let result = Address::new(SUM, chain * frame.width.bytes());
+        let partial = match frame.partials.get(index * frame.chains + chain) {
+            Some(&partial) => Operand::Register(partial),
+            None => Operand::Memory(frame.partial(index, chain)),
+        };
+        asm.load(passing, Operand::Memory(result));
+        asm.binary(Binary::Add, passing, passing, partial);
+        asm.store(result, passing);
+    }
+}
+
+/// All partials, in the order of the results.
+fn places(frame: &Frame) -> impl Iterator<Item = (usize, usize)> + use<> {
+    let chains = frame.chains;
+    (0..frame.spec.results()).flat_map(move |index| (0..chains).map(move |chain| (index, chain)))
+}

@@ -1,0 +1,304 @@
+//! What a body asks for, written down: straight-line code in single-assignment
+//! form. [`Recorder`] implements the lane interface; nothing is encoded yet, so
+//! that registers can be given out knowing when each value is needed next.
+
+use rustc_hash::FxHashMap;
+
+use crate::error::CompileError;
+use crate::lanes::{Lanes, Side};
+use crate::window::{Nest, WindowSpec};
+
+/// The number of an [`Op`], which is also the name of its value.
+pub(super) type Id = u32;
+
+/// What lies in memory and can be read again at any time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Leaf {
+    /// These bits in every lane.
+    Constant(u32),
+    Plane(usize, Side),
+    Tap(usize),
+}
+
+impl Leaf {
+    /// Whether all chains have the same value.
+    pub(super) fn is_uniform(self) -> bool {
+        !matches!(self, Self::Plane(..))
+    }
+}
+
+/// Instructions of one operand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unary {
+    Sqrt,
+    Round,
+    /// From a signed integer.
+    Convert,
+    ShiftLeft(u8),
+    ShiftRight(u8),
+}
+
+/// Instructions of two operands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Binary {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Min,
+    Max,
+    And,
+    Or,
+    Xor,
+    /// Of integers.
+    IntegerSub,
+}
+
+impl Binary {
+    /// Whether the operands can change places. Minimum and maximum cannot: which
+    /// one they return for zeros and NaN depends on the order.
+    pub(super) fn commutes(self) -> bool {
+        matches!(self, Self::Add | Self::Mul | Self::And | Self::Or | Self::Xor)
+    }
+}
+
+/// One instruction.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Op {
+    Leaf(Leaf),
+    Unary(Unary, Id),
+    Binary(Binary, Id, Id),
+    /// x × y + z, rounded once.
+    Fma(Id, Id, Id),
+    /// `if a < b { x } else { y }` for `[a, b, x, y]`.
+    Select([Id; 4]),
+    /// Partial number n += channel × weight, rounded once.
+    Accumulate(usize, Id, Id),
+    /// Mirrored sum number n of the neighbour += channel × weight, rounded once.
+    Owe(usize, Id, Id),
+}
+
+impl Op {
+    /// Its operands, with repetitions.
+    pub(super) fn operands(&self) -> impl Iterator<Item = Id> + use<> {
+        let (list, count) = match *self {
+            Self::Leaf(_) => ([0; 4], 0),
+            Self::Unary(_, x) => ([x, 0, 0, 0], 1),
+            Self::Binary(_, x, y) => ([x, y, 0, 0], 2),
+            Self::Fma(x, y, z) => ([x, y, z, 0], 3),
+            Self::Select(list) => (list, 4),
+            Self::Accumulate(_, x, y) | Self::Owe(_, x, y) => ([x, y, 0, 0], 2),
+        };
+        list.into_iter().take(count)
+    }
+}
+
+/// What runs once per tap.
+#[derive(Debug)]
+pub(super) struct Program {
+    pub(super) ops: Vec<Op>,
+    /// Which ops are needed for a sum; the others are not emitted.
+    pub(super) needed: Vec<bool>,
+}
+
+impl Program {
+    /// The ops that will become instructions, in each chain.
+    pub(super) fn instructions(&self) -> usize {
+        let ops = self.ops.iter().zip(&self.needed);
+        ops.filter(|(op, needed)| **needed && !matches!(op, Op::Leaf(_))).count()
+    }
+}
+
+/// Writes down what a body asks for.
+pub(super) struct Recorder {
+    spec: WindowSpec,
+    ops: Vec<Op>,
+    leaves: FxHashMap<Leaf, Id>,
+    fault: Option<CompileError>,
+}
+
+/// The result of a comparison: its operands. Selecting compares once more, which
+/// costs what keeping masks would.
+#[derive(Clone, Copy)]
+pub(super) struct Less(Id, Id);
+
+impl Recorder {
+    pub(super) fn new(spec: WindowSpec) -> Self {
+        Self { spec, ops: Vec::new(), leaves: FxHashMap::default(), fault: None }
+    }
+
+    /// What was asked for, or the first thing that the body had no right to.
+    pub(super) fn finish(self) -> Result<Program, CompileError> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        let mut needed = vec![false; self.ops.len()];
+        for (k, op) in self.ops.iter().enumerate().rev() {
+            needed[k] |= matches!(op, Op::Accumulate(..) | Op::Owe(..));
+            if needed[k] {
+                for operand in op.operands() {
+                    needed[operand as usize] = true;
+                }
+            }
+        }
+        Ok(Program { ops: self.ops, needed })
+    }
+
+    fn push(&mut self, op: Op) -> Id {
+        self.ops.push(op);
+        // A body of four billion instructions does not fit into memory.
+        (self.ops.len() - 1) as Id
+    }
+
+    fn leaf(&mut self, leaf: Leaf) -> Id {
+        if let Some(&id) = self.leaves.get(&leaf) {
+            return id;
+        }
+        let id = self.push(Op::Leaf(leaf));
+        self.leaves.insert(leaf, id);
+        id
+    }
+
+    fn bits(&mut self, bits: u32) -> Id {
+        self.leaf(Leaf::Constant(bits))
+    }
+
+    /// Remembers the first fault and stands in for the value.
+    fn refuse(&mut self, fault: CompileError) -> Id {
+        self.fault.get_or_insert(fault);
+        self.bits(0)
+    }
+}
+
+impl Lanes for Recorder {
+    type F = Id;
+    type M = Less;
+
+    fn constant(&mut self, value: f32) -> Id {
+        self.bits(value.to_bits())
+    }
+
+    fn plane(&mut self, index: usize, side: Side) -> Id {
+        let planes = self.spec.planes;
+        if index >= planes {
+            return self.refuse(CompileError::Plane { index, planes });
+        }
+        self.leaf(Leaf::Plane(index, side))
+    }
+
+    fn tap(&mut self, index: usize) -> Id {
+        let taps = self.spec.taps;
+        if index >= taps {
+            return self.refuse(CompileError::Tap { index, taps });
+        }
+        self.leaf(Leaf::Tap(index))
+    }
+
+    fn neg(&mut self, x: Id) -> Id {
+        let sign = self.bits(0x8000_0000);
+        self.push(Op::Binary(Binary::Xor, x, sign))
+    }
+
+    fn abs(&mut self, x: Id) -> Id {
+        let magnitude = self.bits(0x7fff_ffff);
+        self.push(Op::Binary(Binary::And, x, magnitude))
+    }
+
+    fn sqrt(&mut self, x: Id) -> Id {
+        self.push(Op::Unary(Unary::Sqrt, x))
+    }
+
+    fn round(&mut self, x: Id) -> Id {
+        self.push(Op::Unary(Unary::Round, x))
+    }
+
+    fn exp2i(&mut self, x: Id) -> Id {
+        let magic = self.constant(12_583_039.0);
+        let biased = self.add(x, magic);
+        self.push(Op::Unary(Unary::ShiftLeft(23), biased))
+    }
+
+    fn exponent(&mut self, x: Id) -> Id {
+        // Shifting the sign out at the top saves a mask.
+        let unsigned = self.push(Op::Unary(Unary::ShiftLeft(1), x));
+        let field = self.push(Op::Unary(Unary::ShiftRight(24), unsigned));
+        let bias = self.bits(127);
+        let unbiased = self.push(Op::Binary(Binary::IntegerSub, field, bias));
+        self.push(Op::Unary(Unary::Convert, unbiased))
+    }
+
+    fn mantissa(&mut self, x: Id) -> Id {
+        let (mask, one) = (self.bits(0x007f_ffff), self.constant(1.0));
+        let field = self.push(Op::Binary(Binary::And, x, mask));
+        self.push(Op::Binary(Binary::Or, field, one))
+    }
+
+    fn add(&mut self, x: Id, y: Id) -> Id {
+        self.push(Op::Binary(Binary::Add, x, y))
+    }
+
+    fn sub(&mut self, x: Id, y: Id) -> Id {
+        self.push(Op::Binary(Binary::Sub, x, y))
+    }
+
+    fn mul(&mut self, x: Id, y: Id) -> Id {
+        self.push(Op::Binary(Binary::Mul, x, y))
+    }
+
+    fn div(&mut self, x: Id, y: Id) -> Id {
+        self.push(Op::Binary(Binary::Div, x, y))
+    }
+
+    fn min(&mut self, x: Id, y: Id) -> Id {
+        self.push(Op::Binary(Binary::Min, x, y))
+    }
+
+    fn max(&mut self, x: Id, y: Id) -> Id {
+        self.push(Op::Binary(Binary::Max, x, y))
+    }
+
+    fn fma(&mut self, x: Id, y: Id, z: Id) -> Id {
+        self.push(Op::Fma(x, y, z))
+    }
+
+    fn lt(&mut self, x: Id, y: Id) -> Less {
+        Less(x, y)
+    }
+
+    fn select(&mut self, Less(a, b): Less, x: Id, y: Id) -> Id {
+        self.push(Op::Select([a, b, x, y]))
+    }
+}
+
+/// There is one nest for all bodies ([`loops`](super::loops)), so that only what
+/// happens per tap has to be written down.
+impl Nest for Recorder {
+    fn for_chunks(&mut self, body: impl FnOnce(&mut Self)) {
+        body(self);
+    }
+
+    fn for_runs(&mut self, body: impl FnOnce(&mut Self)) {
+        body(self);
+    }
+
+    fn for_taps(&mut self, body: impl FnOnce(&mut Self)) {
+        body(self);
+    }
+
+    fn accumulate(&mut self, index: usize, channel: Id, weight: Id) {
+        self.push(Op::Accumulate(index, channel, weight));
+    }
+
+    fn accumulate_mirrored(&mut self, index: usize, channel: Id, weight: Id) {
+        self.push(Op::Owe(index, channel, weight));
+    }
+
+    /// The loops add every partial to the result of its number.
+    fn partial(&mut self, index: usize) -> Id {
+        index as Id
+    }
+
+    fn add_to_result(&mut self, index: usize, value: Id) {
+        debug_assert_eq!(index, value as usize, "the loops add partials to results");
+    }
+}
