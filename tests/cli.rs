@@ -119,6 +119,14 @@ impl Place {
         found
     }
 
+    /// The values of `--lanes` that this host can do.
+    fn lanes(&self) -> Vec<String> {
+        let host = json(&self.done(&["inspect", "--host", "--json"]));
+        let vectors = host["vectors"].as_array().expect("a list").clone();
+        let possible = vectors.iter().filter(|entry| entry["lacking"].is_null());
+        possible.map(|entry| entry["bits"].to_string()).collect()
+    }
+
     fn bytes(&self, name: &str) -> Vec<u8> {
         fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
@@ -182,6 +190,9 @@ fn back_ends_threads_and_exact_passes_write_the_same_bytes() {
     if cfg!(feature = "jit") {
         assert_eq!(denoise("jit.exr", &["--backend", "jit"]), interp);
         assert_eq!(denoise("again.exr", &["--threads", "2"]), interp);
+        for lanes in place.lanes() {
+            assert_eq!(denoise("lanes.exr", &["--lanes", &lanes]), interp, "{lanes}");
+        }
     }
     assert_ne!(denoise("radius.exr", &["--radius", "2"]), interp);
 }
@@ -250,6 +261,8 @@ fn a_wrong_command_line_is_told_from_failed_work() {
     place.fails(2, &with(&["--filter", "normal"]), &["distance2(normal, normal)"]);
     place.fails(2, &with(&["--backend", "abacus"]), &["abacus", "gpu", "interp"]);
     place.fails(2, &with(&["--gpu", "0"]), &["--gpu", "--backend auto"]);
+    place.fails(2, &with(&["--lanes", "64"]), &["64", "auto", "512"]);
+    place.fails(2, &with(&["--backend", "interp", "--lanes", "128"]), &["--lanes", "jit"]);
     place.fails(2, &with(&["--precision", "double"]), &["double", "exact", "fast"]);
     place.fails(2, &with(&["--radius", "129"]), &["129", "128"]);
     place.fails(2, &with(&["--without", "luck"]), &["luck", "share"]);
@@ -323,6 +336,29 @@ fn inspect_tells_what_feeds_what() {
         entry.expect("every feature is listed")["status"].clone()
     };
     assert_eq!([status("normal"), status("depth")], ["present", "absent"]);
+}
+
+#[test]
+#[cfg(feature = "jit")]
+fn inspect_tells_what_the_host_can_do() {
+    let place = Place::new();
+    let text = place.done(&["inspect", "--host"]);
+    assert_eq!(text.matches("chosen: the widest").count(), 1, "{text}");
+    let host = json(&place.done(&["inspect", "--host", "--json"]));
+    let vectors = host["vectors"].as_array().expect("a list");
+    assert_eq!(vectors.len(), 3);
+    // The last that is not lacking is the one that is chosen.
+    let possible: Vec<&Value> = vectors.iter().filter(|entry| entry["lacking"].is_null()).collect();
+    let (widest, others) = possible.split_last().expect("the tests need a host with FMA");
+    assert_eq!(widest["chosen"], true);
+    assert!(others.iter().all(|entry| entry["chosen"] == false));
+    for entry in vectors.iter().filter(|entry| !entry["lacking"].is_null()) {
+        let bits = entry["bits"].to_string();
+        let denoise = ["denoise", "room/4spp.exr", "-o", "out.exr", "--lanes", &bits];
+        place.fails(1, &denoise, &[&bits]);
+    }
+    place.fails(2, &["inspect"], &["IN.exr"]);
+    place.fails(2, &["inspect", "--host", "room/4spp.exr"], &["--host"]);
 }
 
 #[test]

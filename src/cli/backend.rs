@@ -34,6 +34,7 @@ impl Processor {
             Self::Jit => Err(Error::NoMachineCode {
                 reason: "the program was built without the feature `jit`".to_owned(),
             }),
+            Self::Interp if lanes != Lanes::Auto => Err(lanes.refused()),
             Self::Interp => Ok(Box::new(Interpreter)),
         }
     }
@@ -61,6 +62,12 @@ impl Lanes {
     pub(super) fn name(self) -> String {
         let value = self.to_possible_value().expect("none is skipped");
         value.get_name().to_owned()
+    }
+
+    /// For what has no lanes to choose.
+    fn refused(self) -> Error {
+        let lanes = self.name();
+        Error::Usage(format!("--lanes {lanes}: only machine code (`--backend jit`) has them"))
     }
 
     #[cfg(feature = "jit")]
@@ -197,6 +204,9 @@ impl BackendArgs {
 
     #[cfg(feature = "gpu")]
     fn gpu(&self) -> Result<Opened, Error> {
+        if self.lanes.lanes != Lanes::Auto {
+            return Err(self.lanes.lanes.refused());
+        }
         let gpu = crate::backend::Gpu::open(&self.options())?;
         Ok(Opened { backend: Box::new(gpu), frames: TWO })
     }

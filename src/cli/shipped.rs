@@ -5,8 +5,10 @@ use std::path::Path;
 use crate::plan::Filter;
 
 /// Path in the project, and text.
-const FILES: &[(&str, &str)] =
-    &[("data/filters/tamis-1.toml", include_str!("../../data/filters/tamis-1.toml"))];
+const FILES: &[(&str, &str)] = &[
+    ("data/filters/tamis-2.toml", include_str!("../../data/filters/tamis-2.toml")),
+    ("data/filters/tamis-1.toml", include_str!("../../data/filters/tamis-1.toml")),
+];
 
 /// Every shipped filter, the best first.
 pub(super) fn filters() -> impl Iterator<Item = Filter> {

@@ -153,7 +153,7 @@ impl Preset {
             radius: 10,
             share: 1.0,
             finalists: 16,
-            batch: 64,
+            batch: 128,
             together: images::TOGETHER,
             racing: Racing { on: true, rungs: vec![0.02, 0.1, 0.3], bar: 0.1, deviations: 2.0 },
         };

@@ -47,11 +47,12 @@ fn text(filter: &Filter, language: Language) -> String {
     String::from_utf8(bytes).expect("the language is text")
 }
 
-/// The filters that have names of their own, the one that is shipped among them.
+/// The filters that have names of their own, those that are shipped among them.
 fn known_and_shipped() -> Vec<Filter> {
     let known = codebook::known()
         .iter()
         .map(|known| Filter::single(known.name, known.weight.clone(), Window::DEFAULT_RADIUS));
-    let shipped = Filter::read(Path::new("data/filters/tamis-1.toml")).expect("it is shipped");
-    known.chain([shipped]).collect()
+    let shipped = ["data/filters/tamis-1.toml", "data/filters/tamis-2.toml"]
+        .map(|path| Filter::read(Path::new(path)).expect("it is shipped"));
+    known.chain(shipped).collect()
 }

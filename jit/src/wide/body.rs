@@ -1,29 +1,67 @@
 //! The body of the loops: registers given out and instructions chosen, in one
 //! pass over the program.
 //!
-//! Every op is emitted for all chains before the next one begins, so that
-//! neighbours in the instruction stream do not depend on one another. When a
-//! register is needed and none is free, the value goes whose next use is
-//! furthest away, which is the best choice for straight-line code (Belady 1966);
-//! leaves are only forgotten, as they can be read again. What is read from
-//! memory once or twice is an operand of the instruction that needs it. Registers
-//! that are left over hold leaves for the whole loop.
+//! Every op is emitted for all chains, and for both of two taps at once, before the
+//! next one begins, so that neighbours in the instruction stream do not depend on one
+//! another. When a register is needed and none is free, the value goes whose next use
+//! is furthest away, which is the best choice for straight-line code (Belady 1966);
+//! leaves are only forgotten, as they can be read again. What is read from memory once
+//! or twice is an operand of the instruction that needs it. Registers that are left
+//! over hold leaves for the whole loop.
 
 use std::cmp::Reverse;
 use std::mem::offset_of;
 
 use super::encode::{Address, Assembler, Fused, Operand, Predicate, Vector};
-use super::frame::{CALL, Frame, MIRROR, NEIGHBOUR, PIXEL, PLANES, SUM, TAP, TEMPORARY};
+use super::frame::{CALL, Frame, MIRROR, NEIGHBOUR, PIXEL, PLANES, SECOND, SUM, TAP, TEMPORARY};
 use super::program::{Binary, Id, Leaf, Op, Program};
 use crate::call::Call;
 use crate::lanes::Side;
 use crate::width::Width;
 
-/// The number of a value: an op's in one of the chains.
+/// The number of a value: an op's in one of its copies.
 type Value = usize;
 
-/// Where in the instruction stream: a position in the order, in one of the chains.
+/// Where in the instruction stream: a position in the order, in one of the copies.
 type Place = usize;
+
+/// The copies of every op: one for each chain of each of the taps at once.
+#[derive(Clone, Copy)]
+struct Copies {
+    chains: usize,
+    taps: usize,
+}
+
+impl Copies {
+    fn count(self) -> usize {
+        self.chains * self.taps
+    }
+
+    fn copy(self, tap: usize, chain: usize) -> usize {
+        tap * self.chains + chain
+    }
+
+    /// The value of an op in a copy. What several copies have in common is the value
+    /// of the first of them.
+    fn value(self, program: &Program, id: Id, copy: usize) -> Value {
+        let (tap, chain) = (copy / self.chains, copy % self.chains);
+        let own = match program.ops[id as usize] {
+            Op::Leaf(Leaf::Constant(_)) => 0,
+            Op::Leaf(Leaf::Tap(_)) => self.copy(tap, 0),
+            Op::Leaf(Leaf::Plane(_, Side::I)) => chain,
+            _ => copy,
+        };
+        id as usize * self.count() + own
+    }
+}
+
+/// A leaf that has a register of its own, in one of the chains.
+#[derive(Clone, Copy)]
+pub(super) struct Pin {
+    leaf: Id,
+    chain: usize,
+    register: Vector,
+}
 
 /// No further use.
 const NEVER: Place = usize::MAX;
@@ -32,14 +70,15 @@ const NEVER: Place = usize::MAX;
 /// many ops; otherwise its uses read it from there.
 const NEAR: usize = 24;
 
-/// Registers beside the program's own values that an instruction may take: two
-/// leaves that cannot both be read from memory, and a mask.
-const PASSING: usize = 3;
+/// Registers beside the program's own values that an instruction may take: a selection
+/// between four leaves takes one for each, for its mask and for its result.
+const PASSING: usize = 6;
 
 /// Gives registers to a program's values and emits it.
 pub(super) struct Emitter<'a> {
     asm: &'a mut Assembler,
     frame: &'a Frame,
+    copies: Copies,
     program: &'a Program,
     /// The ops to emit.
     order: &'a [Id],
@@ -59,8 +98,6 @@ pub(super) struct Emitter<'a> {
     /// Free too, but the instruction at hand may still read them.
     retired_slots: Vec<usize>,
     slots: usize,
-    /// Leaves that have registers of their own.
-    pinned: Vec<(Value, Vector)>,
 }
 
 /// The places where values are used.
@@ -72,10 +109,10 @@ struct Uses {
 }
 
 impl Uses {
-    fn new(program: &Program, order: &[Id], chains: usize) -> Self {
-        let values = program.ops.len() * chains;
+    fn new(program: &Program, order: &[Id], copies: Copies) -> Self {
+        let values = program.ops.len() * copies.count();
         let mut counts = vec![0usize; values];
-        for_each_use(program, order, chains, |value, _| counts[value] += 1);
+        for_each_use(program, order, copies, |value, _| counts[value] += 1);
         let mut rest = Vec::with_capacity(values);
         let mut end = 0;
         for count in counts {
@@ -83,7 +120,7 @@ impl Uses {
             end += count;
         }
         let mut places = vec![0; end];
-        for_each_use(program, order, chains, |value, place| {
+        for_each_use(program, order, copies, |value, place| {
             places[rest[value].1] = place;
             rest[value].1 += 1;
         });
@@ -119,25 +156,19 @@ impl Uses {
 fn for_each_use(
     program: &Program,
     order: &[Id],
-    chains: usize,
+    copies: Copies,
     mut each: impl FnMut(Value, Place),
 ) {
     for (position, &id) in order.iter().enumerate() {
-        for chain in 0..chains {
+        for copy in 0..copies.count() {
             for operand in program.ops[id as usize].operands() {
-                each(value(program, chains, operand, chain), position * chains + chain);
+                each(copies.value(program, operand, copy), position * copies.count() + copy);
             }
         }
     }
 }
 
-/// The value of an op in a chain; uniform leaves have one for all chains.
-fn value(program: &Program, chains: usize, id: Id, chain: usize) -> Value {
-    let uniform = matches!(program.ops[id as usize], Op::Leaf(leaf) if leaf.is_uniform());
-    id as usize * chains + if uniform { 0 } else { chain }
-}
-
-/// The most values of the program's own that are alive at a time, in one chain.
+/// The most values of the program's own that are alive at a time, in one copy.
 fn pressure(program: &Program, order: &[Id]) -> usize {
     let mut alive = vec![false; program.ops.len()];
     let (mut count, mut most) = (0usize, 0);
@@ -158,22 +189,26 @@ fn pressure(program: &Program, order: &[Id]) -> usize {
 }
 
 impl<'a> Emitter<'a> {
+    /// For so many taps at once, one or as many as the frame says.
     pub(super) fn new(
         asm: &'a mut Assembler,
         frame: &'a Frame,
+        taps: usize,
         program: &'a Program,
         order: &'a [Id],
         constants: &'a [u32],
     ) -> Self {
-        let values = program.ops.len() * frame.chains;
+        let copies = Copies { chains: frame.chains, taps };
+        let values = program.ops.len() * copies.count();
         let registers = usize::from(asm.registers());
         let mut emitter = Self {
             asm,
             frame,
+            copies,
             program,
             order,
             constants,
-            uses: Uses::new(program, order, frame.chains),
+            uses: Uses::new(program, order, copies),
             holder: vec![None; registers],
             fixed: vec![false; registers],
             locked: vec![false; registers],
@@ -182,47 +217,56 @@ impl<'a> Emitter<'a> {
             free_slots: Vec::new(),
             retired_slots: Vec::new(),
             slots: 0,
-            pinned: Vec::new(),
         };
         for &Vector(partial) in &frame.partials {
             emitter.fixed[usize::from(partial)] = true;
         }
-        emitter.pin();
         emitter
     }
 
-    /// Gives registers that no value will need to the leaves that are read most.
-    fn pin(&mut self) {
-        let chains = self.frame.chains;
-        let needed = pressure(self.program, self.order) * chains + PASSING;
+    /// Chooses registers that no value will need, for the leaves that are read most.
+    pub(super) fn choose_pins(&self) -> Vec<Pin> {
+        let needed = pressure(self.program, self.order) * self.copies.count() + PASSING;
         let spare = (self.holder.len() - self.frame.partials.len()).saturating_sub(needed);
-        let mut leaves: Vec<Value> = Vec::new();
-        for (k, op) in self.program.ops.iter().enumerate() {
+        let uses = |&(leaf, chain): &(Id, usize)| {
+            self.uses.left(self.copies.value(self.program, leaf, chain))
+        };
+        let mut leaves: Vec<(Id, usize)> = Vec::new();
+        for (op, leaf) in self.program.ops.iter().zip(0..) {
             match op {
-                Op::Leaf(Leaf::Constant(_)) => leaves.push(k * chains),
+                Op::Leaf(Leaf::Constant(_)) => leaves.push((leaf, 0)),
                 Op::Leaf(Leaf::Plane(_, Side::I)) => {
-                    leaves.extend((0..chains).map(|c| k * chains + c))
+                    leaves.extend((0..self.copies.chains).map(|chain| (leaf, chain)));
                 }
                 _ => {}
             }
         }
-        leaves.retain(|&leaf| self.uses.left(leaf) > 0);
-        leaves.sort_by_key(|&leaf| Reverse(self.uses.left(leaf)));
-        let free = (0..self.holder.len()).filter(|&r| !self.fixed[r]);
-        let registers: Vec<usize> = free.take(spare).collect();
-        for (leaf, register) in leaves.into_iter().zip(registers) {
-            let vector = Vector(register as u8);
-            self.fixed[register] = true;
-            self.register[leaf] = Some(vector);
-            self.pinned.push((leaf, vector));
+        leaves.retain(|leaf| uses(leaf) > 0);
+        leaves.sort_by_key(|leaf| Reverse(uses(leaf)));
+        let free = (0..self.holder.len()).filter(|&r| !self.fixed[r]).take(spare);
+        let pin = |((leaf, chain), register): ((Id, usize), usize)| Pin {
+            leaf,
+            chain,
+            register: Vector(register as u8),
+        };
+        leaves.into_iter().zip(free).map(pin).collect()
+    }
+
+    /// Leaves pinned ones where they are.
+    pub(super) fn keep(&mut self, pins: &[Pin]) {
+        for &Pin { leaf, chain, register } in pins {
+            let value = self.copies.value(self.program, leaf, chain);
+            self.fixed[usize::from(register.0)] = true;
+            self.register[value] = Some(register);
         }
     }
 
     /// Loads the pinned leaves that are the same for all pixels, or those that are not.
-    pub(super) fn load_pinned(&mut self, uniform: bool) {
-        for (leaf, register) in self.pinned.clone() {
-            if self.leaf(leaf).is_uniform() == uniform {
-                let operand = self.in_memory(leaf);
+    pub(super) fn load_pinned(&mut self, pins: &[Pin], uniform: bool) {
+        for &Pin { leaf, chain, register } in pins {
+            let value = self.copies.value(self.program, leaf, chain);
+            if matches!(self.leaf(value), Leaf::Constant(_)) == uniform {
+                let operand = self.in_memory(value);
                 self.asm.load(register, operand);
             }
         }
@@ -242,22 +286,31 @@ impl<'a> Emitter<'a> {
     /// Emits the program; returns how many slots of scratch memory it takes.
     pub(super) fn run(&mut self) -> usize {
         for (position, &id) in self.order.iter().enumerate() {
-            for chain in 0..self.frame.chains {
-                self.emit(id, position, chain);
+            match self.program.ops[id as usize] {
+                Op::Accumulate(index, channel, weight) if self.frame.partials.is_empty() => {
+                    for chain in 0..self.copies.chains {
+                        self.accumulate_in_memory(index, channel, weight, position, chain);
+                    }
+                }
+                op => {
+                    for copy in 0..self.copies.count() {
+                        self.emit(id, op, position, copy);
+                    }
+                }
             }
         }
         self.slots
     }
 
     fn leaf(&self, value: Value) -> Leaf {
-        match self.program.ops[value / self.frame.chains] {
+        match self.program.ops[value / self.copies.count()] {
             Op::Leaf(leaf) => leaf,
             op => unreachable!("{op:?} is no leaf"),
         }
     }
 
     fn is_leaf(&self, value: Value) -> bool {
-        matches!(self.program.ops[value / self.frame.chains], Op::Leaf(_))
+        matches!(self.program.ops[value / self.copies.count()], Op::Leaf(_))
     }
 
     /// Where a value that is in no register can be read. The address may need the
@@ -266,12 +319,17 @@ impl<'a> Emitter<'a> {
         if let Some(slot) = self.slot[value] {
             return Operand::Memory(self.frame.slot(slot));
         }
+        let copy = value % self.copies.count();
+        let (tap, chain) = (copy / self.copies.chains, copy % self.copies.chains);
         match self.leaf(value) {
             Leaf::Constant(bits) => {
                 let index = self.constants.binary_search(&bits);
                 self.asm.constant(index.expect("all constants are in the pool"))
             }
-            Leaf::Tap(index) => Operand::Broadcast(Address::new(TAP, index * size_of::<f32>())),
+            Leaf::Tap(index) => {
+                let index = tap * self.frame.spec.taps + index;
+                Operand::Broadcast(Address::new(TAP, index * size_of::<f32>()))
+            }
             Leaf::Plane(plane, side) => {
                 let base = self.frame.bases.iter().find(|(index, _)| *index == plane);
                 let base = base.map(|&(_, register)| register).unwrap_or_else(|| {
@@ -279,8 +337,11 @@ impl<'a> Emitter<'a> {
                     self.asm.fetch(TEMPORARY, entry);
                     TEMPORARY
                 });
-                let index = if side == Side::I { PIXEL } else { NEIGHBOUR };
-                let chain = value % self.frame.chains;
+                let index = match (side, tap) {
+                    (Side::I, _) => PIXEL,
+                    (Side::J, 0) => NEIGHBOUR,
+                    (Side::J, _) => SECOND,
+                };
                 let displacement = (chain * self.frame.width.bytes()) as i64;
                 Operand::Memory(Address::At { base, index, displacement })
             }
@@ -348,7 +409,7 @@ impl<'a> Emitter<'a> {
         if self.register[value].is_some() || !self.is_readable(value) {
             return false;
         }
-        let near = place + 1 + NEAR * self.frame.chains;
+        let near = place + 1 + NEAR * self.copies.count();
         let open = |r: usize| !self.fixed[r] && self.holder[r].is_none();
         let free = (0..self.holder.len()).any(open);
         !(free && self.uses.before(value, near) >= 2)
@@ -385,21 +446,26 @@ impl<'a> Emitter<'a> {
         self.retired_slots.extend(self.slot[value].take());
     }
 
-    /// Emits an op in one chain.
-    fn emit(&mut self, id: Id, position: usize, chain: usize) {
-        let chains = self.frame.chains;
-        let (op, place) = (self.program.ops[id as usize], position * chains + chain);
-        let result = id as usize * chains + chain;
-        let value_of = |id| value(self.program, chains, id, chain);
-        let operands: Vec<Value> = op.operands().map(value_of).collect();
-        self.locked.fill(false);
+    /// Begins an instruction: notes that its operands are used, and keeps them where
+    /// they are.
+    fn begin(&mut self, operands: &[Value], place: Place) {
         self.free_slots.append(&mut self.retired_slots);
-        for &operand in &operands {
+        for &operand in operands {
             self.uses.pass(operand, place);
             if let Some(register) = self.register[operand] {
                 self.lock(register);
             }
         }
+    }
+
+    /// Emits an op in one copy.
+    fn emit(&mut self, id: Id, op: Op, position: usize, copy: usize) {
+        let place = position * self.copies.count() + copy;
+        let result = id as usize * self.copies.count() + copy;
+        let value_of = |id| self.copies.value(self.program, id, copy);
+        let operands: Vec<Value> = op.operands().map(value_of).collect();
+        self.locked.fill(false);
+        self.begin(&operands, place);
         match op {
             Op::Leaf(_) => {}
             Op::Unary(op, _) => {
@@ -425,9 +491,12 @@ impl<'a> Emitter<'a> {
                 self.hold(result, to);
             }
             Op::Accumulate(index, ..) => {
-                self.accumulate(index, operands[0], operands[1], place, chain);
+                let factor = self.held(operands[1]);
+                let channel = self.operand(operands[0], place);
+                let partial = self.frame.partials[index * self.copies.chains + copy];
+                self.asm.fused(Fused::Order231, partial, factor, channel);
             }
-            Op::Owe(index, ..) => self.owe(index, operands[0], operands[1], chain),
+            Op::Owe(index, ..) => self.owe(index, operands[0], operands[1], copy),
         }
         for operand in operands {
             self.release(operand);
@@ -558,25 +627,37 @@ impl<'a> Emitter<'a> {
         to
     }
 
-    fn accumulate(
+    /// Adds to a partial in memory what all taps at once add to it, in their order.
+    fn accumulate_in_memory(
         &mut self,
         index: usize,
-        channel: Value,
-        weight: Value,
-        place: Place,
+        channel: Id,
+        weight: Id,
+        position: usize,
         chain: usize,
     ) {
-        let factor = self.held(weight);
-        let partial = index * self.frame.chains + chain;
-        if let Some(&partial) = self.frame.partials.get(partial) {
-            let channel = self.operand(channel, place);
-            self.asm.fused(Fused::Order231, partial, factor, channel);
-            return;
+        let partial = self.frame.partial(index, chain);
+        self.locked.fill(false);
+        let to = self.take();
+        self.asm.load(to, Operand::Memory(partial));
+        for tap in 0..self.copies.taps {
+            self.locked.fill(false);
+            self.lock(to);
+            let copy = self.copies.copy(tap, chain);
+            let place = position * self.copies.count() + copy;
+            let operands = [channel, weight].map(|id| self.copies.value(self.program, id, copy));
+            self.begin(&operands, place);
+            let factor = self.held(operands[1]);
+            let channel = self.operand(operands[0], place);
+            self.asm.fused(Fused::Order231, to, factor, channel);
+            for operand in operands {
+                self.release(operand);
+            }
         }
-        let channel = self.operand(channel, place);
-        self.add_product(self.frame.partial(index, chain), factor, channel, weight);
+        self.asm.store(partial, to);
     }
 
+    /// Adds to a mirrored sum. Mirrored kernels compute one tap at once.
     fn owe(&mut self, index: usize, channel: Value, weight: Value, chain: usize) {
         if chain == 0 && index > 0 {
             let stride = Address::new(CALL, offset_of!(Call, mirror_stride));
@@ -585,26 +666,10 @@ impl<'a> Emitter<'a> {
         }
         let base = if index == 0 { MIRROR } else { SUM };
         let sum = Address::new(base, chain * self.frame.width.bytes());
-        let factor = self.held(weight);
-        let channel = Operand::Register(self.held(channel));
-        self.add_product(sum, factor, channel, weight);
-    }
-
-    /// `*sum += channel × weight`
-    fn add_product(&mut self, sum: Address, factor: Vector, channel: Operand, weight: Value) {
-        let to = match channel {
-            // The weight's register can hold the sum.
-            Operand::Register(channel) if self.dies(weight) => {
-                self.asm.fused(Fused::Order213, factor, channel, Operand::Memory(sum));
-                factor
-            }
-            _ => {
-                let to = self.take();
-                self.asm.load(to, Operand::Memory(sum));
-                self.asm.fused(Fused::Order231, to, factor, channel);
-                to
-            }
-        };
+        let (factor, channel) = (self.held(weight), self.held(channel));
+        let to = self.take();
+        self.asm.load(to, Operand::Memory(sum));
+        self.asm.fused(Fused::Order231, to, factor, Operand::Register(channel));
         self.asm.store(sum, to);
     }
 }

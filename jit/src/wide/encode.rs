@@ -63,6 +63,10 @@ pub(super) enum Predicate {
     NotGreater = 0x1a,
 }
 
+/// A branch that leads to nowhere yet.
+#[must_use]
+pub(super) struct Skip(usize);
+
 /// Bytes of machine code, with the constants in front of it.
 pub(super) struct Assembler {
     encoder: Encoder,
@@ -70,6 +74,8 @@ pub(super) struct Assembler {
     bytes: Vec<u8>,
     /// Where the next instruction goes.
     at: usize,
+    /// Branches forward: where their instructions end, and where they lead.
+    landed: Vec<(usize, usize)>,
     fault: Option<IcedError>,
 }
 
@@ -88,7 +94,7 @@ impl Assembler {
         let mut bytes: Vec<u8> = constants.iter().flat_map(spread).collect();
         bytes.resize(bytes.len().next_multiple_of(LINE), 0);
         let at = bytes.len();
-        Self { encoder: Encoder::new(64), width, bytes, at, fault: None }
+        Self { encoder: Encoder::new(64), width, bytes, at, landed: Vec::new(), fault: None }
     }
 
     /// Where constant number `index` lies.
@@ -101,7 +107,12 @@ impl Assembler {
 
     /// Vector registers that there are.
     pub(super) fn registers(&self) -> u8 {
-        if self.width == Width::Bits512 { 32 } else { 16 }
+        Self::registers_of(self.width)
+    }
+
+    /// Vector registers that there are of a width.
+    pub(super) fn registers_of(width: Width) -> u8 {
+        if width == Width::Bits512 { 32 } else { 16 }
     }
 
     /// Where the next instruction goes: what a later branch can lead back to.
@@ -115,6 +126,10 @@ impl Assembler {
             return Err(CompileError::Generator(fault.to_string()));
         }
         self.bytes.extend(self.encoder.take_buffer());
+        for (end, target) in self.landed {
+            let distance = (target - end) as i32;
+            self.bytes[end - size_of::<i32>()..end].copy_from_slice(&distance.to_le_bytes());
+        }
         Ok(self.bytes)
     }
 
@@ -410,6 +425,28 @@ impl Assembler {
     pub(super) fn repeat_at(&mut self, counter: Address, start: usize) {
         self.emit(Instruction::with1(Code::Dec_rm64, Self::memory(counter, false)));
         self.emit(Instruction::with_branch(Code::Jne_rel32_64, start as u64));
+    }
+
+    /// Halves a counter, the rest dropped; says "zero" if nothing is left.
+    pub(super) fn halve(&mut self, counter: Register) {
+        self.emit(Instruction::with2(Code::Shr_rm64_imm8, counter, 1));
+    }
+
+    /// Keeps of a counter whether it is odd; says "zero" if it is not.
+    pub(super) fn keep_odd(&mut self, counter: Register) {
+        self.emit(Instruction::with2(Code::And_rm64_imm8, counter, 1));
+    }
+
+    /// Branches forward if the last instruction said "zero".
+    pub(super) fn skip_if_zero(&mut self) -> Skip {
+        // Where to is not known yet: `land` says it, and `finish` writes it.
+        self.emit(Instruction::with_branch(Code::Je_rel32_64, self.at as u64));
+        Skip(self.at)
+    }
+
+    /// Ends what is skipped.
+    pub(super) fn land(&mut self, Skip(end): Skip) {
+        self.landed.push((end, self.at));
     }
 
     pub(super) fn push(&mut self, register: Register) {

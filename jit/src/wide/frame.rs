@@ -6,7 +6,7 @@
 //! | `rsi`     | the table of planes                                            |
 //! | `r8`      | cursor of pixel i                                              |
 //! | `r9`      | cursor of its neighbour j                                      |
-//! | `r10`     | cursor of mirrored sums; a plane where there are none           |
+//! | `r10`     | cursor of mirrored sums, or of the second neighbour, or a plane  |
 //! | `r11`     | the scratch memory                                             |
 //! | `rdx`     | cursor of the tap values                                       |
 //! | `rcx`     | taps left                                                      |
@@ -26,6 +26,8 @@ pub(super) const PLANES: Register = Register::RSI;
 pub(super) const PIXEL: Register = Register::R8;
 pub(super) const NEIGHBOUR: Register = Register::R9;
 pub(super) const MIRROR: Register = Register::R10;
+/// Of the second of two taps at once, which mirrored kernels do not compute.
+pub(super) const SECOND: Register = Register::R10;
 pub(super) const SCRATCH: Register = Register::R11;
 pub(super) const TAP: Register = Register::RDX;
 pub(super) const TAPS_LEFT: Register = Register::RCX;
@@ -49,7 +51,11 @@ const VECTORS: usize = 64;
 pub(super) struct Frame {
     pub(super) spec: WindowSpec,
     pub(super) width: Width,
+    /// Vectors of pixels side by side.
     pub(super) chains: usize,
+    /// Taps at once, one or two: partials in memory are then fetched and stored half
+    /// as often. An odd tap that is left over comes alone.
+    pub(super) taps: usize,
     /// Planes whose addresses stay in registers.
     pub(super) bases: Vec<(usize, Register)>,
     /// Registers of the partial sums, result by result and in each chain by chain;
@@ -57,9 +63,10 @@ pub(super) struct Frame {
     pub(super) partials: Vec<Vector>,
 }
 
-/// Most vector registers for partial sums: half of them, as the body needs some.
-fn most_partials(registers: usize) -> usize {
-    registers / 2
+/// Whether so many partial sums stay in registers: in half of them at most, as the
+/// body needs some.
+pub(super) fn carries(partials: usize, registers: u8) -> bool {
+    partials <= usize::from(registers) / 2
 }
 
 impl Frame {
@@ -72,12 +79,13 @@ impl Frame {
     ) -> Self {
         let count = spec.results() * chains;
         let first = usize::from(registers).saturating_sub(count);
-        let carried = count <= most_partials(usize::from(registers));
-        let partials = match carried {
+        let partials: Vec<Vector> = match carries(count, registers) {
             true => (first as u8..registers).map(Vector).collect(),
             false => Vec::new(),
         };
-        Self { spec, width, chains, bases: bases(spec, program), partials }
+        let taps = if partials.is_empty() && !spec.mirrored && chains <= 2 { 2 } else { 1 };
+        let spare = (!spec.mirrored && taps == 1).then_some(MIRROR);
+        Self { spec, width, chains, taps, bases: bases(spec, program, spare), partials }
     }
 
     /// Bytes that cursors move from chunk to chunk.
@@ -110,7 +118,7 @@ impl Frame {
 }
 
 /// Registers for the planes that are read most often.
-fn bases(spec: WindowSpec, program: &Program) -> Vec<(usize, Register)> {
+fn bases(spec: WindowSpec, program: &Program, spare: Option<Register>) -> Vec<(usize, Register)> {
     let mut uses = vec![0usize; spec.planes];
     for (op, _) in program.ops.iter().zip(&program.needed).filter(|(_, needed)| **needed) {
         for operand in op.operands() {
@@ -121,7 +129,6 @@ fn bases(spec: WindowSpec, program: &Program) -> Vec<(usize, Register)> {
     }
     let mut order: Vec<usize> = (0..spec.planes).filter(|&plane| uses[plane] > 0).collect();
     order.sort_by_key(|&plane| std::cmp::Reverse(uses[plane]));
-    let spare = (!spec.mirrored).then_some(MIRROR);
     let registers = [Register::R12, Register::R13, Register::R14, Register::R15];
     order.into_iter().zip(registers.into_iter().chain(spare)).collect()
 }

@@ -6,7 +6,7 @@ use super::body::Emitter;
 use super::encode::{Address, Assembler, Operand, Vector};
 use super::frame::{
     CALL, CHUNKS_LEFT, Frame, MIRROR, NEIGHBOUR, OUT, PIXEL, PLANES, RUN, RUNS_LEFT, SAVED,
-    SCRATCH, STEP, SUM, TAP, TAPS_LEFT, TEMPORARY,
+    SCRATCH, SECOND, STEP, SUM, TAP, TAPS_LEFT, TEMPORARY,
 };
 use super::program::{Binary, Id, Program};
 use crate::call::{Call, RunCall};
@@ -34,12 +34,14 @@ pub(super) fn emit(
         asm.fetch(TEMPORARY, call(field));
         asm.put(local(place), TEMPORARY);
     }
-    let mut body = Emitter::new(asm, frame, program, order, constants);
+    let mut body = Emitter::new(asm, frame, frame.taps, program, order, constants);
+    let pins = body.choose_pins();
+    body.keep(&pins);
     let passing = body.passing();
-    body.load_pinned(true);
+    body.load_pinned(&pins, true);
 
     let chunk = body.asm().here();
-    body.load_pinned(false);
+    body.load_pinned(&pins, false);
     let asm = body.asm();
     for (field, place) in [(offset_of!(Call, runs), RUN), (offset_of!(Call, run_count), RUNS_LEFT)]
     {
@@ -61,17 +63,29 @@ pub(super) fn emit(
     asm.fetch(TAPS_LEFT, of_run(offset_of!(RunCall, count)));
     clear_partials(asm, frame, passing);
 
+    // Most runs have an odd number of taps, so that one of them comes alone.
+    let pairs = (frame.taps == 2).then(|| {
+        asm.copy(SECOND, NEIGHBOUR);
+        asm.increase(SECOND, STEP);
+        asm.halve(TAPS_LEFT);
+        asm.skip_if_zero()
+    });
     let tap = asm.here();
-    let slots = body.run();
+    let mut slots = body.run();
     let asm = body.asm();
-    asm.increase(NEIGHBOUR, STEP);
-    if frame.spec.mirrored {
-        asm.increase(MIRROR, STEP);
-    }
-    if frame.spec.taps > 0 {
-        asm.advance(TAP, frame.spec.taps * size_of::<f32>());
-    }
+    advance(asm, frame, frame.taps);
     asm.repeat(TAPS_LEFT, tap);
+    if let Some(pairs) = pairs {
+        asm.land(pairs);
+        asm.fetch(TEMPORARY, local(RUN));
+        asm.fetch(TAPS_LEFT, of_run(offset_of!(RunCall, count)));
+        asm.keep_odd(TAPS_LEFT);
+        let even = asm.skip_if_zero();
+        let mut body = Emitter::new(asm, frame, 1, program, order, constants);
+        body.keep(&pins);
+        slots = slots.max(body.run());
+        asm.land(even);
+    }
 
     add_partials(asm, frame, passing);
     asm.advance_at(local(RUN), size_of::<RunCall>());
@@ -85,6 +99,22 @@ pub(super) fn emit(
     }
     asm.leave();
     frame.scratch_bytes(slots)
+}
+
+/// Moves the cursors on by so many taps.
+fn advance(asm: &mut Assembler, frame: &Frame, taps: usize) {
+    for _ in 0..taps {
+        asm.increase(NEIGHBOUR, STEP);
+        if taps == 2 {
+            asm.increase(SECOND, STEP);
+        }
+        if frame.spec.mirrored {
+            asm.increase(MIRROR, STEP);
+        }
+    }
+    if frame.spec.taps > 0 {
+        asm.advance(TAP, taps * frame.spec.taps * size_of::<f32>());
+    }
 }
 
 /// Sets all partials to +0.0.

@@ -58,20 +58,27 @@ pub(crate) fn compile<B: Body>(
     let mut recorder = Recorder::new(spec);
     window::emit(&mut recorder, &spec, body)?;
     let program = recorder.finish()?;
-    let is_long = program.instructions() > LONG;
-    let chains = chains.unwrap_or(match (width, is_long) {
-        (Width::Bits512, false) => Chains::One,
-        (Width::Bits512, true) | (_, false) => Chains::Two,
-        (_, true) => Chains::Four,
-    });
-    let chains = chains.count();
-    let order = schedule::schedule(&program, chains);
+    let chains = chains.unwrap_or_else(|| suitable(&spec, width, &program)).count();
     let constants = constants(&program);
     let mut asm = Assembler::new(width, &constants);
     let entry = asm.here();
     let frame = Frame::new(spec, width, chains, asm.registers(), &program);
+    let order = schedule::schedule(&program, frame.chains * frame.taps);
     let scratch = loops::emit(&mut asm, &frame, &program, &order, &constants);
     Ok(Code { bytes: asm.finish()?, entry, scratch, step: chains * width.lanes() })
+}
+
+/// How many chains suit a program.
+fn suitable(spec: &WindowSpec, width: Width, program: &Program) -> Chains {
+    let (few, many) = match width {
+        Width::Bits512 => (Chains::One, Chains::Two),
+        _ => (Chains::Two, Chains::Four),
+    };
+    // Two taps at once do as well as twice the chains, and then some.
+    let registers = Assembler::registers_of(width);
+    let stored = !frame::carries(spec.results() * few.count(), registers);
+    let doubled = stored && !spec.mirrored;
+    if program.instructions() > LONG && !doubled { many } else { few }
 }
 
 /// All constants of a program, each once and in order.

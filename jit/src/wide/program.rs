@@ -20,13 +20,6 @@ pub(super) enum Leaf {
     Tap(usize),
 }
 
-impl Leaf {
-    /// Whether all chains have the same value.
-    pub(super) fn is_uniform(self) -> bool {
-        !matches!(self, Self::Plane(..))
-    }
-}
-
 /// Instructions of one operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unary {

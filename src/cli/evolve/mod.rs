@@ -61,7 +61,7 @@ pub(super) struct Evolve {
     #[arg(long, num_args = 1.., value_name = scenes::VALUE, default_value = "data/train")]
     scenes: Vec<PathBuf>,
 
-    /// Parameters to start from: those of the paper (hours), or a small search
+    /// Parameters to start from: those of the paper (an hour), or a small search
     /// (minutes) [default: quick]
     #[arg(long, value_enum, value_name = "PRESET", hide_default_value = true)]
     preset: Option<Preset>,
