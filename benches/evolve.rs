@@ -11,27 +11,27 @@
 //! `racing` takes `--share`, `--radius`, `--rungs`, `--bar` and `--deviations` as `tamis evolve` does,
 //! `generation` those but the first two, and `--count`.
 //!
-//! On two cores of a Sapphire Rapids virtual machine, 24 expressions of a population bred for twenty
-//! generations with the paper's settings, all training pixels, radius 10, medians of three interleaved
-//! rounds:
+//! On two cores of a Zen 4 virtual machine (512-bit vectors), 128 expressions, 32 of each island of a
+//! population bred for twenty generations with the paper's settings, all training pixels, radius 10, medians
+//! of three interleaved rounds:
 //!
 //! | way | individuals/s | pairs/s | ratio |
 //! |---|---:|---:|---:|
-//! | interp, one by one | 0.8 | 1.4e8 | 0.48 |
-//! | jit, one by one | 1.7 | 2.9e8 | 1.00 |
-//! | + support | 1.6 | 2.8e8 | 0.96 |
-//! | + symmetry | 1.9 | 3.3e8 | 1.14 |
-//! | jit, 8 together | 2.5 | 4.4e8 | 1.51 |
-//! | + support | 2.5 | 4.3e8 | 1.49 |
-//! | + symmetry | 2.6 | 4.5e8 | 1.55 |
+//! | interp, one by one | 0.4 | 7.4e7 | 0.11 |
+//! | jit, one by one | 3.9 | 6.6e8 | 1.00 |
+//! | + support | 4.2 | 7.2e8 | 1.09 |
+//! | + symmetry | 3.8 | 6.6e8 | 0.99 |
+//! | jit, 32 together | 9.5 | 1.6e9 | 2.45 |
+//! | + support | 10.0 | 1.7e9 | 2.61 |
+//! | + symmetry | 10.0 | 1.7e9 | 2.59 |
+//! | + racing | 26.5 | 1.1e9 | 6.87 |
 //!
-//! What support and symmetry are worth depends on what was bred. Of `tests/fixture/bred.txt`, whose
-//! expressions end within eight pixels, support alone makes ten of the first twelve 1.8 to 2.9 times
-//! faster; symmetry pays for one of them, as the others compare the normal at i with the colour at j.
+//! Programs of many weights are not mirrored (`plan::symmetry` says why), so that the last two rows of
+//! `together` are the same code. Those who race are held to the best tenth of all 128. In the run before, with
+//! 64 expressions of one island, symmetry was worth 1.17 one by one: this machine is not quiet to better than 10%.
 //!
-//! `racing --share 0.2 --radius 2 --rungs 0.08,0.3`, ten seeds: 65% of the pairs, and a logarithm of the
-//! ratio of final errors of 0.015 ± 0.019 (two seeds better, two worse, six equal). That it is no worse
-//! is not shown by so few.
+//! `racing --share 0.3 --radius 3`, thirty seeds: 37% of the pairs, and a logarithm of the ratio of final errors
+//! of -0.018 ± 0.015. More in RESULTS.md.
 
 use std::path::Path;
 use std::time::Instant;
