@@ -6,11 +6,12 @@ use crate::plan::Filter;
 
 /// Path in the project, and text.
 const FILES: &[(&str, &str)] = &[
-    ("data/filters/tamis-2.toml", include_str!("../../data/filters/tamis-2.toml")),
     ("data/filters/tamis-1.toml", include_str!("../../data/filters/tamis-1.toml")),
+    // Better in the mean, but it takes small bright lights for fireflies.
+    ("data/filters/tamis-2.toml", include_str!("../../data/filters/tamis-2.toml")),
 ];
 
-/// Every shipped filter, the best first.
+/// Every shipped filter, the default first.
 pub(super) fn filters() -> impl Iterator<Item = Filter> {
     FILES.iter().map(|(path, text)| {
         Filter::parse(text, Path::new(path)).expect("a test parses every shipped filter")
