@@ -7,8 +7,8 @@
 //! cargo bench --bench evolve -- generation        # generations of the paper's size; minutes each
 //! ```
 //!
-//! The first two take `--expressions` and `--share`, the part of the training pixels to judge on;
-//! `racing` takes `--share`, `--radius`, `--rungs`, `--bar` and `--deviations` as `tamis evolve` does,
+//! The first two take `--expressions`, `--generations` that breed them, and `--share`, the part of the
+//! training pixels to judge on; `racing` takes `--share`, `--radius`, `--rungs`, `--bar` and `--deviations` as `tamis evolve` does,
 //! `generation` those but the first two, and `--count`.
 //!
 //! On two cores of a Zen 4 virtual machine (512-bit vectors), 128 expressions, 32 of each island of a
@@ -108,8 +108,7 @@ fn ways() -> Vec<Way> {
         Way::jit("+ support", supported, 1),
         Way::jit("+ symmetry", symmetric, 1),
         Way::jit(format!("jit, {TOGETHER} together"), plain, TOGETHER),
-        Way::jit("+ support", supported, TOGETHER),
-        Way::jit("+ symmetry", symmetric, TOGETHER),
+        Way::jit("+ support, symmetry", symmetric, TOGETHER),
         Way { racing: true, ..Way::jit("+ racing", symmetric, TOGETHER) },
     ]
 }
@@ -162,8 +161,9 @@ fn population(extent: &Extent) -> Vec<Tree> {
     trees
 }
 
-/// Individuals and pairs per second of each way, in interleaved rounds.
-fn rates(ways: &[Way], trees: &[Tree], extent: &Extent) {
+/// Individuals and pairs per second of each way, in interleaved rounds, and as a ratio to
+/// the way of this number.
+fn rates(ways: &[Way], base: usize, trees: &[Tree], extent: &Extent) {
     let settings = Preset::Paper.settings();
     let coverage = match extent.judged < 1.0 {
         true => Coverage::Share { share: extent.judged, seed: 1 },
@@ -178,7 +178,7 @@ fn rates(ways: &[Way], trees: &[Tree], extent: &Extent) {
         })
         .collect();
     let mut ranked: Vec<(f64, &Tree)> =
-        judges[1].evaluate(trees).expect("judging cannot fail").into_iter().zip(trees).collect();
+        judges[base].evaluate(trees).expect("judging cannot fail").into_iter().zip(trees).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (fitness, tree) = ranked[(trees.len() as f64 * racing.bar) as usize];
     let bar = Bar { tree, fitness };
@@ -218,7 +218,7 @@ fn rates(ways: &[Way], trees: &[Tree], extent: &Extent) {
         })
         .collect();
     for (way, (individuals, pairs)) in ways.iter().zip(&rates) {
-        let ratio = individuals / rates[1].0;
+        let ratio = individuals / rates[base].0;
         println!("{:<24} {individuals:>14.1} {pairs:>14.2e} {ratio:>8.2}", way.name);
     }
 }
@@ -227,10 +227,7 @@ fn rates(ways: &[Way], trees: &[Tree], extent: &Extent) {
 fn together(trees: &[Tree], extent: &Extent) {
     let passes = Passes { converged: false, ..Passes::ALL };
     let way = |together: usize| Way::jit(format!("{together} together"), passes, together);
-    let mut ways = vec![way(1)];
-    // The ratio is to the second row.
-    ways.extend([1, 8, 16, 32, 64].map(way));
-    rates(&ways, trees, extent);
+    rates(&[1, 8, 16, 32, 64].map(way), 0, trees, extent);
 }
 
 /// A whole search, which the listener hears of with the time; how long it took.
@@ -384,12 +381,13 @@ fn main() {
     let options = Options(given);
     let extent = Extent {
         expressions: options.number("--expressions", extent.expressions as f64) as usize,
+        generations: options.number("--generations", f64::from(extent.generations)) as u32,
         judged: options.number("--share", extent.judged),
         ..extent
     };
     match name.as_deref() {
         None => {
-            rates(&ways(), &population(&extent), &extent);
+            rates(&ways(), 1, &population(&extent), &extent);
             if !asked {
                 racing(&options, &extent);
                 generation(&options, &extent);

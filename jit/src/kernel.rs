@@ -2,9 +2,9 @@
 //!
 //! Each kernel has memory of its own, written first and only then made
 //! executable, never both at once: Cranelift's module sees to that for what it
-//! makes, a private mapping for wide code. It is given back when the kernel is dropped;
-//! a process can compile and drop without end. Kernels that are alive at the
-//! same time cost at least a page and one mapping each, of which systems allow
+//! makes, a private mapping for wide code. It is given back when the kernel is
+//! dropped; a process can compile and drop without end. Kernels that are alive at
+//! the same time cost at least a page and one mapping each, of which systems allow
 //! some tens of thousands.
 
 use std::fmt;

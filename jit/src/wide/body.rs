@@ -1,5 +1,5 @@
-//! The body of the loops: registers given out and instructions chosen, in one
-//! pass over the program.
+//! The body of the loops: registers given out ([`values`]) and instructions chosen, in
+//! one pass over the program.
 //!
 //! Every op is emitted for all chains, and for both of two taps at once, before the
 //! next one begins, so that neighbours in the instruction stream do not depend on one
@@ -9,51 +9,18 @@
 //! or twice is an operand of the instruction that needs it. Registers that are left
 //! over hold leaves for the whole loop.
 
+mod uses;
+mod values;
+
 use std::cmp::Reverse;
 use std::mem::offset_of;
 
 use super::encode::{Address, Assembler, Fused, Operand, Predicate, Vector};
-use super::frame::{CALL, Frame, MIRROR, NEIGHBOUR, PIXEL, PLANES, SECOND, SUM, TAP, TEMPORARY};
+use super::frame::{CALL, Frame, MIRROR, SUM};
 use super::program::{Binary, Id, Leaf, Op, Program};
 use crate::call::Call;
 use crate::lanes::Side;
-use crate::width::Width;
-
-/// The number of a value: an op's in one of its copies.
-type Value = usize;
-
-/// Where in the instruction stream: a position in the order, in one of the copies.
-type Place = usize;
-
-/// The copies of every op: one for each chain of each of the taps at once.
-#[derive(Clone, Copy)]
-struct Copies {
-    chains: usize,
-    taps: usize,
-}
-
-impl Copies {
-    fn count(self) -> usize {
-        self.chains * self.taps
-    }
-
-    fn copy(self, tap: usize, chain: usize) -> usize {
-        tap * self.chains + chain
-    }
-
-    /// The value of an op in a copy. What several copies have in common is the value
-    /// of the first of them.
-    fn value(self, program: &Program, id: Id, copy: usize) -> Value {
-        let (tap, chain) = (copy / self.chains, copy % self.chains);
-        let own = match program.ops[id as usize] {
-            Op::Leaf(Leaf::Constant(_)) => 0,
-            Op::Leaf(Leaf::Tap(_)) => self.copy(tap, 0),
-            Op::Leaf(Leaf::Plane(_, Side::I)) => chain,
-            _ => copy,
-        };
-        id as usize * self.count() + own
-    }
-}
+use uses::{Copies, Place, Uses, Value, pressure};
 
 /// A leaf that has a register of its own, in one of the chains.
 #[derive(Clone, Copy)]
@@ -62,13 +29,6 @@ pub(super) struct Pin {
     chain: usize,
     register: Vector,
 }
-
-/// No further use.
-const NEVER: Place = usize::MAX;
-
-/// A value in memory is worth a register if it is used three times within so
-/// many ops; otherwise its uses read it from there.
-const NEAR: usize = 24;
 
 /// Registers beside the program's own values that an instruction may take: a selection
 /// between four leaves takes one for each, for its mask and for its result.
@@ -98,94 +58,6 @@ pub(super) struct Emitter<'a> {
     /// Free too, but the instruction at hand may still read them.
     retired_slots: Vec<usize>,
     slots: usize,
-}
-
-/// The places where values are used.
-struct Uses {
-    /// All values' places, those of a value together and in order.
-    places: Vec<Place>,
-    /// Of each value, the next of them and the end.
-    rest: Vec<(usize, usize)>,
-}
-
-impl Uses {
-    fn new(program: &Program, order: &[Id], copies: Copies) -> Self {
-        let values = program.ops.len() * copies.count();
-        let mut counts = vec![0usize; values];
-        for_each_use(program, order, copies, |value, _| counts[value] += 1);
-        let mut rest = Vec::with_capacity(values);
-        let mut end = 0;
-        for count in counts {
-            rest.push((end, end));
-            end += count;
-        }
-        let mut places = vec![0; end];
-        for_each_use(program, order, copies, |value, place| {
-            places[rest[value].1] = place;
-            rest[value].1 += 1;
-        });
-        Self { places, rest }
-    }
-
-    /// Where a value is used next.
-    fn next(&self, value: Value) -> Place {
-        let (next, end) = self.rest[value];
-        if next < end { self.places[next] } else { NEVER }
-    }
-
-    /// How often it is used from here on, before `place`.
-    fn before(&self, value: Value, place: Place) -> usize {
-        let (next, end) = self.rest[value];
-        self.places[next..end].iter().take_while(|&&use_| use_ < place).count()
-    }
-
-    fn left(&self, value: Value) -> usize {
-        let (next, end) = self.rest[value];
-        end - next
-    }
-
-    /// Passes all uses up to `place`.
-    fn pass(&mut self, value: Value, place: Place) {
-        let (next, end) = &mut self.rest[value];
-        while *next < *end && self.places[*next] <= place {
-            *next += 1;
-        }
-    }
-}
-
-fn for_each_use(
-    program: &Program,
-    order: &[Id],
-    copies: Copies,
-    mut each: impl FnMut(Value, Place),
-) {
-    for (position, &id) in order.iter().enumerate() {
-        for copy in 0..copies.count() {
-            for operand in program.ops[id as usize].operands() {
-                each(copies.value(program, operand, copy), position * copies.count() + copy);
-            }
-        }
-    }
-}
-
-/// The most values of the program's own that are alive at a time, in one copy.
-fn pressure(program: &Program, order: &[Id]) -> usize {
-    let mut alive = vec![false; program.ops.len()];
-    let (mut count, mut most) = (0usize, 0);
-    for &id in order.iter().rev() {
-        if alive[id as usize] {
-            count -= 1;
-        }
-        for operand in program.ops[id as usize].operands() {
-            let operand = operand as usize;
-            if !alive[operand] && !matches!(program.ops[operand], Op::Leaf(_)) {
-                alive[operand] = true;
-                count += 1;
-            }
-        }
-        most = most.max(count);
-    }
-    most
 }
 
 impl<'a> Emitter<'a> {
@@ -300,162 +172,6 @@ impl<'a> Emitter<'a> {
             }
         }
         self.slots
-    }
-
-    fn leaf(&self, value: Value) -> Leaf {
-        match self.program.ops[value / self.copies.count()] {
-            Op::Leaf(leaf) => leaf,
-            op => unreachable!("{op:?} is no leaf"),
-        }
-    }
-
-    fn is_leaf(&self, value: Value) -> bool {
-        matches!(self.program.ops[value / self.copies.count()], Op::Leaf(_))
-    }
-
-    /// Where a value that is in no register can be read. The address may need the
-    /// temporary register, so it holds for the next instruction alone.
-    fn in_memory(&mut self, value: Value) -> Operand {
-        if let Some(slot) = self.slot[value] {
-            return Operand::Memory(self.frame.slot(slot));
-        }
-        let copy = value % self.copies.count();
-        let (tap, chain) = (copy / self.copies.chains, copy % self.copies.chains);
-        match self.leaf(value) {
-            Leaf::Constant(bits) => {
-                let index = self.constants.binary_search(&bits);
-                self.asm.constant(index.expect("all constants are in the pool"))
-            }
-            Leaf::Tap(index) => {
-                let index = tap * self.frame.spec.taps + index;
-                Operand::Broadcast(Address::new(TAP, index * size_of::<f32>()))
-            }
-            Leaf::Plane(plane, side) => {
-                let base = self.frame.bases.iter().find(|(index, _)| *index == plane);
-                let base = base.map(|&(_, register)| register).unwrap_or_else(|| {
-                    let entry = Address::new(PLANES, plane * size_of::<*const f32>());
-                    self.asm.fetch(TEMPORARY, entry);
-                    TEMPORARY
-                });
-                let index = match (side, tap) {
-                    (Side::I, _) => PIXEL,
-                    (Side::J, 0) => NEIGHBOUR,
-                    (Side::J, _) => SECOND,
-                };
-                let displacement = (chain * self.frame.width.bytes()) as i64;
-                Operand::Memory(Address::At { base, index, displacement })
-            }
-        }
-    }
-
-    /// Whether instructions can read it from memory.
-    fn is_readable(&self, value: Value) -> bool {
-        let spread = self.frame.width == Width::Bits512;
-        spread || !(self.is_leaf(value) && matches!(self.leaf(value), Leaf::Tap(_)))
-    }
-
-    fn hold(&mut self, value: Value, Vector(register): Vector) {
-        self.holder[usize::from(register)] = Some(value);
-        self.register[value] = Some(Vector(register));
-    }
-
-    fn lock(&mut self, Vector(register): Vector) {
-        self.locked[usize::from(register)] = true;
-    }
-
-    /// A register for a new value, which another one may have to leave.
-    fn take(&mut self) -> Vector {
-        let registers = 0..self.holder.len();
-        let open = |r: &usize| !self.fixed[*r] && !self.locked[*r];
-        if let Some(free) = registers.clone().find(|r| open(r) && self.holder[*r].is_none()) {
-            return Vector(free as u8);
-        }
-        let furthest = registers.filter(open).max_by_key(|&r| {
-            let value = self.holder[r].expect("it is not free");
-            // Of equals, those that need not be written.
-            (self.uses.next(value), self.is_leaf(value) || self.slot[value].is_some())
-        });
-        let register = furthest.expect("an instruction locks fewer registers than there are");
-        let value = self.holder[register].take().expect("it is not free");
-        self.register[value] = None;
-        let register = Vector(register as u8);
-        if !self.is_leaf(value) && self.slot[value].is_none() && self.uses.next(value) != NEVER {
-            let slot = self.free_slots.pop().unwrap_or_else(|| {
-                self.slots += 1;
-                self.slots - 1
-            });
-            self.slot[value] = Some(slot);
-            self.asm.store(self.frame.slot(slot), register);
-        }
-        register
-    }
-
-    /// The value in a register that stays its own for this instruction.
-    fn held(&mut self, value: Value) -> Vector {
-        let register = self.register[value].unwrap_or_else(|| {
-            let register = self.take();
-            let operand = self.in_memory(value);
-            self.asm.load(register, operand);
-            self.hold(value, register);
-            register
-        });
-        self.lock(register);
-        register
-    }
-
-    /// Whether an instruction at `place` should read a value from memory: it is
-    /// there, and not worth a register.
-    fn stays_in_memory(&self, value: Value, place: Place) -> bool {
-        if self.register[value].is_some() || !self.is_readable(value) {
-            return false;
-        }
-        let near = place + 1 + NEAR * self.copies.count();
-        let open = |r: usize| !self.fixed[r] && self.holder[r].is_none();
-        let free = (0..self.holder.len()).any(open);
-        !(free && self.uses.before(value, near) >= 2)
-    }
-
-    /// The value where it is, or where it should be.
-    fn operand(&mut self, value: Value, place: Place) -> Operand {
-        match self.stays_in_memory(value, place) {
-            true => self.in_memory(value),
-            false => Operand::Register(self.held(value)),
-        }
-    }
-
-    /// Whether nobody needs it after this instruction, so that its register can
-    /// be overwritten.
-    fn dies(&self, value: Value) -> bool {
-        let register = self.register[value];
-        let own = register.is_some_and(|Vector(r)| !self.fixed[usize::from(r)]);
-        own && self.uses.next(value) == NEVER
-    }
-
-    /// Gives back what a value had that nobody needs any more.
-    fn release(&mut self, value: Value) {
-        if self.uses.next(value) != NEVER {
-            return;
-        }
-        if let Some(Vector(register)) = self.register[value]
-            && !self.fixed[usize::from(register)]
-        {
-            self.holder[usize::from(register)] = None;
-            self.locked[usize::from(register)] = false;
-            self.register[value] = None;
-        }
-        self.retired_slots.extend(self.slot[value].take());
-    }
-
-    /// Begins an instruction: notes that its operands are used, and keeps them where
-    /// they are.
-    fn begin(&mut self, operands: &[Value], place: Place) {
-        self.free_slots.append(&mut self.retired_slots);
-        for &operand in operands {
-            self.uses.pass(operand, place);
-            if let Some(register) = self.register[operand] {
-                self.lock(register);
-            }
-        }
     }
 
     /// Emits an op in one copy.

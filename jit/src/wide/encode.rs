@@ -42,6 +42,22 @@ pub(super) enum Operand {
     Broadcast(Address),
 }
 
+/// An operand as instructions take it.
+enum Encoded {
+    Register(Register),
+    Memory(MemoryOperand),
+}
+
+/// An instruction whose operand `$x` may be in memory.
+macro_rules! with_operand {
+    ($asm:expr, $operand:expr, |$x:ident| $instruction:expr) => {
+        match $asm.encoded($operand) {
+            Encoded::Register($x) => $instruction,
+            Encoded::Memory($x) => $instruction,
+        }
+    };
+}
+
 /// Which operand of x × y + z the result overwrites, and in which order the
 /// others come.
 #[derive(Clone, Copy, Debug)]
@@ -165,24 +181,21 @@ impl Assembler {
         MemoryOperand::new(base, index, 1, displacement, size as u32, broadcast, Register::None)
     }
 
-    /// An instruction whose last operand may be in memory.
+    fn encoded(&self, operand: Operand) -> Encoded {
+        match operand {
+            Operand::Register(vector) => Encoded::Register(self.register(vector)),
+            Operand::Memory(at) => Encoded::Memory(Self::memory(at, false)),
+            Operand::Broadcast(at) => Encoded::Memory(Self::memory(at, true)),
+        }
+    }
+
     fn emit2(&mut self, code: Code, to: Register, last: Operand) {
-        let instruction = match last {
-            Operand::Register(last) => Instruction::with2(code, to, self.register(last)),
-            Operand::Memory(at) => Instruction::with2(code, to, Self::memory(at, false)),
-            Operand::Broadcast(at) => Instruction::with2(code, to, Self::memory(at, true)),
-        };
-        self.emit(instruction);
+        self.emit(with_operand!(self, last, |last| Instruction::with2(code, to, last)));
     }
 
     fn emit3(&mut self, code: Code, to: Register, middle: Vector, last: Operand) {
         let middle = self.register(middle);
-        let instruction = match last {
-            Operand::Register(last) => Instruction::with3(code, to, middle, self.register(last)),
-            Operand::Memory(at) => Instruction::with3(code, to, middle, Self::memory(at, false)),
-            Operand::Broadcast(at) => Instruction::with3(code, to, middle, Self::memory(at, true)),
-        };
-        self.emit(instruction);
+        self.emit(with_operand!(self, last, |last| Instruction::with3(code, to, middle, last)));
     }
 
     /// `to = value`.
@@ -258,12 +271,7 @@ impl Assembler {
 
     fn immediate(&mut self, code: Code, to: Register, x: Operand, value: u8) {
         let value = u32::from(value);
-        let instruction = match x {
-            Operand::Register(x) => Instruction::with3(code, to, self.register(x), value),
-            Operand::Memory(at) => Instruction::with3(code, to, Self::memory(at, false), value),
-            Operand::Broadcast(at) => Instruction::with3(code, to, Self::memory(at, true), value),
-        };
-        self.emit(instruction);
+        self.emit(with_operand!(self, x, |x| Instruction::with3(code, to, x, value)));
     }
 
     /// `to = x op y`.
@@ -334,16 +342,7 @@ impl Assembler {
         );
         let to = if self.wide() { MASK } else { self.register(mask) };
         let x = self.register(x);
-        let instruction = match y {
-            Operand::Register(y) => Instruction::with4(code, to, x, self.register(y), predicate),
-            Operand::Memory(y) => {
-                Instruction::with4(code, to, x, Self::memory(y, false), predicate)
-            }
-            Operand::Broadcast(y) => {
-                Instruction::with4(code, to, x, Self::memory(y, true), predicate)
-            }
-        };
-        self.emit(instruction);
+        self.emit(with_operand!(self, y, |y| Instruction::with4(code, to, x, y, predicate)));
     }
 
     /// `to = if mask { chosen } else { other }`, after [`compare`](Self::compare).
@@ -351,11 +350,8 @@ impl Assembler {
         let (to, other) = (self.register(to), self.register(other));
         let instruction = if self.wide() {
             let code = Code::EVEX_Vblendmps_zmm_k1z_zmm_zmmm512b32;
-            let instruction = match chosen {
-                Operand::Register(x) => Instruction::with3(code, to, other, self.register(x)),
-                Operand::Memory(x) => Instruction::with3(code, to, other, Self::memory(x, false)),
-                Operand::Broadcast(x) => Instruction::with3(code, to, other, Self::memory(x, true)),
-            };
+            let instruction =
+                with_operand!(self, chosen, |x| Instruction::with3(code, to, other, x));
             instruction.map(|mut instruction| {
                 instruction.set_op_mask(MASK);
                 instruction
@@ -363,12 +359,7 @@ impl Assembler {
         } else {
             let code = Code::VEX_Vblendvps_ymm_ymm_ymmm256_ymm;
             let mask = self.register(mask);
-            match chosen {
-                Operand::Register(x) => Instruction::with4(code, to, other, self.register(x), mask),
-                Operand::Memory(x) | Operand::Broadcast(x) => {
-                    Instruction::with4(code, to, other, Self::memory(x, false), mask)
-                }
-            }
+            with_operand!(self, chosen, |x| Instruction::with4(code, to, other, x, mask))
         };
         self.emit(instruction);
     }

@@ -88,6 +88,11 @@ impl Frame {
         Self { spec, width, chains, taps, bases: bases(spec, program, spare), partials }
     }
 
+    /// In how many copies each instruction is emitted that runs once per tap.
+    pub(super) fn copies(&self) -> usize {
+        self.chains * self.taps
+    }
+
     /// Bytes that cursors move from chunk to chunk.
     pub(super) fn chunk_bytes(&self) -> usize {
         self.chains * self.width.bytes()

@@ -2,10 +2,11 @@
 //!
 //! A body is written down first ([`program`]) and put in order ([`schedule`]), and
 //! then emitted in one pass that gives out registers as it goes ([`body`]), into
-//! the loops that every kernel has ([`loops`]). There is no intermediate language below the program and no
-//! optimiser: folding and sharing are the business of whoever writes the
-//! [`Body`], and what is left for a compiler to decide in straight-line code is
-//! what lies in which register, and what is read from memory in place.
+//! the loops that every kernel has ([`loops`]). There is no intermediate language
+//! below the program and no optimiser: folding and sharing are the business of
+//! whoever writes the [`Body`], and what is left for a compiler to decide in
+//! straight-line code is what lies in which register, and what is read from memory
+//! in place.
 //!
 //! The instructions mean what [`Lanes`](crate::Lanes) says, to the bit, so that
 //! kernels of all widths give the same results.
@@ -63,7 +64,7 @@ pub(crate) fn compile<B: Body>(
     let mut asm = Assembler::new(width, &constants);
     let entry = asm.here();
     let frame = Frame::new(spec, width, chains, asm.registers(), &program);
-    let order = schedule::schedule(&program, frame.chains * frame.taps);
+    let order = schedule::schedule(&program, frame.copies());
     let scratch = loops::emit(&mut asm, &frame, &program, &order, &constants);
     Ok(Code { bytes: asm.finish()?, entry, scratch, step: chains * width.lanes() })
 }

@@ -10,7 +10,8 @@
 
 use super::program::{Binary, Id, Op, Program, Unary};
 
-/// How many instructions it looks ahead.
+/// How many instructions it looks ahead. For a population of bred expressions, 32 of
+/// them in a program, 16 take 1.14 of the time and 64 take 1.04 of it.
 const WINDOW: usize = 32;
 
 /// Cycles until the result of an instruction can be used, on recent processors of
@@ -27,8 +28,8 @@ fn latency(op: &Op) -> usize {
     }
 }
 
-/// The instructions to emit, in their order.
-pub(super) fn schedule(program: &Program, chains: usize) -> Vec<Id> {
+/// The instructions to emit, in their order, when each is emitted in so many copies.
+pub(super) fn schedule(program: &Program, copies: usize) -> Vec<Id> {
     let is_instruction =
         |&id: &Id| program.needed[id as usize] && !matches!(program.ops[id as usize], Op::Leaf(_));
     let mut rest = (0..program.ops.len() as Id).filter(is_instruction);
@@ -58,8 +59,8 @@ pub(super) fn schedule(program: &Program, chains: usize) -> Vec<Id> {
             }
         }
         let id = window.remove(next);
-        now = least + chains;
-        done[id as usize] = least + latency(&program.ops[id as usize]) + chains - 1;
+        now = least + copies;
+        done[id as usize] = least + latency(&program.ops[id as usize]) + copies - 1;
         order.push(id);
         window.extend(rest.next());
     }

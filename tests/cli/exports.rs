@@ -1,0 +1,58 @@
+//! `export`.
+
+use std::fs;
+
+use crate::place::{EDGE_AWARE, Place};
+
+#[test]
+fn exports_go_to_stdout_or_whole_into_a_file() {
+    let place = Place::new();
+    let filter = |name: &str, stages: usize| {
+        let stage = format!("[[stage]]\nradius = 4\nweight = \"{EDGE_AWARE}\"\n");
+        let text = format!("version = 1\nname = \"{name}\"\n{}", stage.repeat(stages));
+        fs::write(place.path(&format!("{stages}.toml")), text).expect("writable");
+    };
+    filter("edge*/aware", 1);
+    filter("twice", 2);
+    let text = place.done(&["export", "1.toml", "--lang", "c"]);
+    assert!(text.starts_with("/*\n") && text.contains("static float edge_aware_weight("), "{text}");
+    assert!(text.contains(EDGE_AWARE) && text.contains("radius = 4"), "{text}");
+    let nothing = place.done(&["export", "1.toml", "--lang", "c", "-o", "filter.c"]);
+    assert_eq!((nothing.as_str(), place.bytes("filter.c")), ("", text.into_bytes()));
+    let wide = place.done(&["export", EDGE_AWARE, "--lang", "c", "--radius", "7"]);
+    assert!(wide.contains("float expression_weight(") && wide.contains("radius = 7"), "{wide}");
+    let equations = place.done(&["export", "kan2017", "--lang", "latex"]);
+    assert!(equations.contains("\\begin{equation}"), "{equations}");
+
+    place.fails(1, &["export", "2.toml", "--lang", "c"], &["`twice`", "2 stages"]);
+    place.fails(1, &["export", "missing.toml", "--lang", "c"], &["missing.toml"]);
+    place.fails(1, &["export", "1.toml", "--lang", "c", "-o", "no/such.c"], &["no/such.c"]);
+    place.fails(2, &["export", "1.toml", "--lang", "fortran"], &["fortran", "latex"]);
+    place.fails(2, &["export", "1.toml"], &["--lang"]);
+    place.fails(2, &["export", "bilatral", "--lang", "c"], &["bilatral", "cross-bilateral"]);
+}
+
+#[test]
+fn shading_languages_are_written_where_they_are_built_in() {
+    let place = Place::new();
+    let export = |lang| ["export", EDGE_AWARE, "--lang", lang];
+    for lang in ["wgsl", "glsl", "hlsl", "msl"] {
+        if cfg!(feature = "gpu") {
+            let text = place.done(&export(lang));
+            assert!(text.contains(" weight(") && text.contains("--precision exact"), "{text}");
+            let fast = place.done(&[&export(lang)[..], &["--precision", "fast"]].concat());
+            assert!(fast.contains("--precision fast"), "{fast}");
+        } else {
+            place.fails(1, &export(lang), &["feature `gpu`", lang]);
+        }
+    }
+    if cfg!(feature = "gpu") {
+        place.done(&[&export("spirv")[..], &["-o", "filter.spv"]].concat());
+        assert_eq!(place.bytes("filter.spv")[..4], 0x0723_0203_u32.to_le_bytes());
+    }
+    for lang in ["c", "latex"] {
+        let fast = [&export(lang)[..], &["--precision", "fast"]].concat();
+        place.fails(2, &fast, &[lang, "--precision fast", "--help"]);
+        place.done(&[&export(lang)[..], &["--precision", "exact"]].concat());
+    }
+}

@@ -1,0 +1,289 @@
+//! The program as people meet it: arguments in; text, files and an exit status
+//! out.
+
+mod exports;
+mod frames;
+mod place;
+mod search;
+
+use std::fs;
+use std::process::Stdio;
+
+use place::{EDGE_AWARE, NOISY, Place, WIDTH, json, stderr, write_exr};
+use serde_json::Value;
+
+#[test]
+fn a_filtered_image_is_nearer_to_its_reference() {
+    let place = Place::new();
+    let noisy = json(&place.done(&["compare", "room/4spp.exr", "room/reference.exr", "--json"]));
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", EDGE_AWARE]);
+    let clean = json(&place.done(&["compare", "out.exr", "room/reference.exr", "--json"]));
+    let error = |of: &Value| of["rel_mse"].as_f64().expect("a number");
+    assert!(error(&clean) < error(&noisy) / 20.0, "{clean} against {noisy}");
+    assert!(clean["trimmed_rel_mse"].as_f64() <= clean["rel_mse"].as_f64());
+    assert!(clean["psnr_db"].as_f64() > noisy["psnr_db"].as_f64());
+    let same = place.done(&["compare", "out.exr", "out.exr"]);
+    assert!(same.contains("inf dB"), "{same}");
+}
+
+#[test]
+fn a_filter_may_look_at_absolute_coordinates() {
+    let place = Place::new();
+    let filter = "1 / (1 + distance1(color, pixel))";
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", filter]);
+    let text = place.done(&["score", "--scenes", "room", "--filters", filter]);
+    let row = text.lines().find(|line| line.starts_with("room")).expect("a row per scene");
+    assert!(row.ends_with(')'), "{text}");
+}
+
+#[test]
+fn back_ends_threads_and_exact_passes_write_the_same_bytes() {
+    let place = Place::new();
+    let filter = "kernel.toml";
+    fs::write(
+        place.path(filter),
+        format!(
+            "version = 1\nname = \"kernel\"\n[[stage]]\nradius = 4\n\
+             weight = \"{EDGE_AWARE} * tricube(distance2(pixel, pixel) / 4)\"\n"
+        ),
+    )
+    .expect("writable");
+    let denoise = |out: &str, more: &[&str]| {
+        let mut arguments = vec!["denoise", "room/4spp.exr", "-o", out, "--filter", filter];
+        arguments.extend(more);
+        place.done(&arguments);
+        place.bytes(out)
+    };
+    let interp = denoise("interp.exr", &["--backend", "interp"]);
+    assert_eq!(denoise("rate.exr", &["--backend", "interp", "--without", "rate"]), interp);
+    assert_eq!(denoise("threads.exr", &["--threads", "1", "--backend", "interp"]), interp);
+    if cfg!(feature = "jit") {
+        assert_eq!(denoise("jit.exr", &["--backend", "jit"]), interp);
+        assert_eq!(denoise("again.exr", &["--threads", "2"]), interp);
+        for lanes in place.lanes() {
+            assert_eq!(denoise("lanes.exr", &["--lanes", &lanes]), interp, "{lanes}");
+        }
+    }
+    assert_ne!(denoise("radius.exr", &["--radius", "2"]), interp);
+}
+
+#[test]
+fn the_report_says_what_was_estimated_repaired_and_kept() {
+    let place = Place::new();
+    let mut channels = NOISY;
+    channels[0].1 = |x, y| if (x, y) == (3, 4) { f32::NAN } else { NOISY[0].1(x, y) };
+    write_exr(&place.path("bad.exr"), &channels);
+    let estimate = format!("{EDGE_AWARE} + nVariance");
+    let output = place.run(&["denoise", "bad.exr", "-o", "out.exr", "--filter", &estimate]);
+    let report = stderr(&output);
+    assert!(output.status.success() && output.stdout.is_empty(), "{report}");
+    for part in ["bad.exr: R: 1 bad pixel", "nVariance: not in the file, estimated", "out.exr"] {
+        assert!(report.contains(part), "no `{part}` in: {report}");
+    }
+    let refused = ["denoise", "bad.exr", "-o", "no.exr", "--filter", "1", "--repair", "error"];
+    place.fails(1, &refused, &["bad.exr", "\"R\"", "x = 3, y = 4", "--repair median"]);
+
+    let output = place.run(&["denoise", "room/4spp.exr", "-o", "kept.exr", "--filter", "0"]);
+    assert!(stderr(&output).contains("480 pixels (100.0%) kept"), "{}", stderr(&output));
+    let quiet = place.run(&["-q", "denoise", "bad.exr", "-o", "quiet.exr", "--filter", &estimate]);
+    assert!(quiet.status.success() && quiet.stderr.is_empty(), "{}", stderr(&quiet));
+}
+
+#[test]
+fn errors_name_what_is_at_fault_and_leave_nothing_behind() {
+    let place = Place::new();
+    fs::write(place.path("text.exr"), "no image").expect("writable");
+    fs::write(place.path("cut.exr"), &place.bytes("room/4spp.exr")[..700]).expect("writable");
+    fs::write(place.path("bad.toml"), "version = 1\nname = 3\n").expect("writable");
+    let with = |input, filter| ["denoise", input, "-o", "out.exr", "--filter", filter];
+
+    place.fails(1, &with("missing.exr", "1"), &["missing.exr"]);
+    place.fails(1, &with("text.exr", "1"), &["text.exr", "not an OpenEXR file"]);
+    place.fails(1, &with("cut.exr", "1"), &["cut.exr", "damaged"]);
+    place.fails(1, &with("room/4spp.exr", "bad.toml"), &["bad.toml"]);
+    place.fails(1, &with("room/4spp.exr", "missing.toml"), &["missing.toml"]);
+    place.fails(
+        1,
+        &with("room/4spp.exr", "exp(-distance2(worldPosition, worldPosition))"),
+        &["room/4spp.exr", "`worldPosition`", "Position.X", "Normal.X"],
+    );
+    let nowhere = ["denoise", "room/4spp.exr", "-o", "no/such/out.exr", "--filter", "1"];
+    place.fails(1, &nowhere, &["no/such/out.exr"]);
+    place.fails(1, &["compare", "room/4spp.exr", "missing.exr"], &["missing.exr"]);
+    place.fails(1, &["inspect", "text.exr"], &["text.exr"]);
+    place.fails(1, &["score", "--scenes", "nowhere"], &["nowhere", "NOISY.exr,REFERENCE.exr"]);
+    place.fails(1, &["evolve"], &["data/train"]);
+    place.fails(1, &["evolve", "--resume", "--scenes", "room"], &["checkpoint.json"]);
+}
+
+#[test]
+fn a_wrong_command_line_is_told_from_failed_work() {
+    let place = Place::new();
+    let with = |more: &[&'static str]| {
+        let mut arguments = vec!["denoise", "room/4spp.exr", "-o", "out.exr"];
+        arguments.extend(more);
+        arguments
+    };
+    place.fails(2, &[], &["Usage"]);
+    place.fails(2, &["denoise", "room/4spp.exr"], &["--output"]);
+    place.fails(2, &with(&["--filter", "bilatral"]), &["bilatral", "cross-bilateral"]);
+    place.fails(2, &with(&["--filter", "exp(normal)"]), &["exp(normal)", "    ^"]);
+    place.fails(2, &with(&["--filter", "normal"]), &["distance2(normal, normal)"]);
+    place.fails(2, &with(&["--backend", "abacus"]), &["abacus", "gpu", "interp"]);
+    place.fails(2, &with(&["--gpu", "0"]), &["--gpu", "--backend auto"]);
+    place.fails(2, &with(&["--lanes", "64"]), &["64", "auto", "512"]);
+    place.fails(2, &with(&["--backend", "interp", "--lanes", "128"]), &["--lanes", "jit"]);
+    place.fails(2, &with(&["--precision", "double"]), &["double", "exact", "fast"]);
+    place.fails(2, &with(&["--radius", "129"]), &["129", "128"]);
+    place.fails(2, &with(&["--without", "luck"]), &["luck", "share"]);
+    let onto_itself = ["denoise", "room/4spp.exr", "-o", "room/../room/4spp.exr"];
+    place.fails(2, &onto_itself, &["4spp.exr", "input"]);
+    place.fails(2, &["denoise", "room/4spp.exr", "-o", "out.jpg"], &["out.jpg", ".png"]);
+    place.fails(2, &["evolve", "--scenes", "room", "--crossover", "0.9"], &["add up to 1"]);
+    place.fails(2, &["evolve", "--scenes", "room", "--islands", "no"], &["--islands"]);
+    place.fails(2, &["evolve", "--resume", "--seed", "3"], &["--seed"]);
+    assert_eq!(place.run(&["--help"]).status.code(), Some(0));
+    assert!(place.done(&["--version"]).starts_with("tamis "));
+}
+
+/// With the drivers of this computer out of sight; those of other systems are not
+/// found by a variable.
+#[test]
+#[cfg(all(feature = "gpu", target_os = "linux"))]
+fn without_a_gpu_the_way_out_is_named_and_auto_takes_it() {
+    let place = Place::new();
+    let run = |arguments: &[&str]| {
+        let mut command = place.program(arguments);
+        for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+            command.env(variable, place.path("no_driver.json"));
+        }
+        command.output().expect("the program starts")
+    };
+    let denoise = ["denoise", "room/4spp.exr", "--filter", EDGE_AWARE, "-o"];
+    let gpu = run(&[&denoise[..], &["gpu.exr", "--backend", "gpu"]].concat());
+    assert_eq!(gpu.status.code(), Some(1));
+    assert!(stderr(&gpu).contains("no GPU was found"), "{}", stderr(&gpu));
+    assert!(stderr(&gpu).contains("--backend jit"), "{}", stderr(&gpu));
+    assert!(!place.path("gpu.exr").exists());
+    let listed = run(&["gpus"]);
+    assert_eq!((listed.status.code(), listed.stdout.len()), (Some(1), 0));
+    assert_eq!(run(&["gpus", "--json"]).stdout, b"[]\n");
+
+    let auto = run(&[&denoise[..], &["auto.exr", "--backend", "auto"]].concat());
+    assert!(auto.status.success(), "{}", stderr(&auto));
+    assert!(stderr(&auto).contains("no GPU was found"), "{}", stderr(&auto));
+    place.done(&[&denoise[..], &["jit.exr"]].concat());
+    assert_eq!(place.bytes("auto.exr"), place.bytes("jit.exr"));
+
+    let memory = run(&[&denoise[..], &["gpu.exr", "--max-memory", "lots"]].concat());
+    assert_eq!(memory.status.code(), Some(2));
+    assert!(stderr(&memory).contains("512M"), "{}", stderr(&memory));
+}
+
+#[test]
+fn inspect_tells_what_feeds_what() {
+    let place = Place::new();
+    let mut channels = NOISY;
+    channels[8].1 = |x, _| if x == 0 { f32::INFINITY } else { 0.5 };
+    write_exr(&place.path("bad.exr"), &channels);
+    let text = place.done(&["inspect", "bad.exr"]);
+    let line = |name: &str| {
+        let found = text.lines().find(|line| line.split_whitespace().next() == Some(name));
+        found.unwrap_or_else(|| panic!("no line `{name}` in: {text}")).to_owned()
+    };
+    assert!(line("Albedo.B").contains("texture[2]") && line("Albedo.B").contains("20 infinite"));
+    assert!(line("Normal.Z").contains("constant 0"), "{text}");
+    assert!(line("depth").contains("absent") && line("depth").contains("Depth.Z"), "{text}");
+    assert!(line("normal").contains("estimated"), "{text}");
+
+    let report = json(&place.done(&["inspect", "bad.exr", "--json"]));
+    assert_eq!(report["layers"][0]["width"], WIDTH);
+    assert_eq!(report["layers"][0]["channels"].as_array().map(Vec::len), Some(9));
+    assert_eq!(report["layers"][0]["channels"][0]["samples"]["infinite"], 20);
+    let status = |feature: &str| {
+        let features = report["features"].as_array().expect("a list").iter();
+        let entry = features.clone().find(|entry| entry["feature"] == feature);
+        entry.expect("every feature is listed")["status"].clone()
+    };
+    assert_eq!([status("normal"), status("depth")], ["present", "absent"]);
+}
+
+#[test]
+#[cfg(feature = "jit")]
+fn inspect_tells_what_the_host_can_do() {
+    let place = Place::new();
+    let text = place.done(&["inspect", "--host"]);
+    assert_eq!(text.matches("chosen: the widest").count(), 1, "{text}");
+    let host = json(&place.done(&["inspect", "--host", "--json"]));
+    let vectors = host["vectors"].as_array().expect("a list");
+    assert_eq!(vectors.len(), 3);
+    // The last that is not lacking is the one that is chosen.
+    let possible: Vec<&Value> = vectors.iter().filter(|entry| entry["lacking"].is_null()).collect();
+    let (widest, others) = possible.split_last().expect("the tests need a host with FMA");
+    assert_eq!(widest["chosen"], true);
+    assert!(others.iter().all(|entry| entry["chosen"] == false));
+    for entry in vectors.iter().filter(|entry| !entry["lacking"].is_null()) {
+        let bits = entry["bits"].to_string();
+        let denoise = ["denoise", "room/4spp.exr", "-o", "out.exr", "--lanes", &bits];
+        place.fails(1, &denoise, &[&bits]);
+    }
+    place.fails(2, &["inspect"], &["IN.exr"]);
+    place.fails(2, &["inspect", "--host", "room/4spp.exr"], &["--host"]);
+}
+
+#[test]
+fn score_and_sheet_take_folders_and_pairs() {
+    let place = Place::new();
+    let pair = "room/4spp.exr,room/reference.exr";
+    let filters = ["--filters", EDGE_AWARE, "bilateral", "kan2017"];
+    let arguments = |scene, more: &[&'static str]| {
+        let mut arguments = vec!["score", "--scenes", scene];
+        arguments.extend(filters);
+        arguments.extend(more);
+        arguments
+    };
+    let scores = json(&place.done(&arguments("room", &["--json"])));
+    let filtered = &scores[0]["filters"];
+    assert_eq!(scores[0]["scene"], "room");
+    assert!(filtered[0]["rel_mse"].as_f64() < scores[0]["noisy"]["rel_mse"].as_f64());
+    let failure = filtered[2]["failure"].as_str().expect("there are no positions");
+    assert!(failure.contains("worldPosition") && filtered[2]["rel_mse"].is_null(), "{failure}");
+
+    let table = place.done(&arguments(pair, &["--markdown"]));
+    assert!(table.lines().all(|line| line.starts_with("| ") && line.ends_with(" |")), "{table}");
+    assert!(table.contains("| room ") && table.contains(" - |"), "{table}");
+
+    place.done(&["sheet", pair, "-o", "sheet.png", "--filters", "bilateral", "gaussian"]);
+    let decoder = png::Decoder::new(std::io::Cursor::new(place.bytes("sheet.png")));
+    let picture = decoder.read_info().expect("a PNG file");
+    assert!(picture.info().width as usize > 4 * WIDTH);
+    let named = ["sheet", "room", "-o", "no.png", "--filters", "kan2017"];
+    place.fails(1, &named, &["worldPosition"]);
+}
+
+#[test]
+fn png_results_and_listings() {
+    let place = Place::new();
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.png", "--filter", "bilateral"]);
+    assert!(place.bytes("out.png").starts_with(b"\x89PNG"));
+    let list = json(&place.done(&["filters", "--json"]));
+    let names: Vec<&str> =
+        list.as_array().expect("a list").iter().filter_map(|f| f["name"].as_str()).collect();
+    assert!(names.contains(&"kan2017") && names.contains(&"bilateral"), "{names:?}");
+    assert!(place.done(&["filters", "bilateral"]).contains("distance2(color, color)"));
+    let language = place.done(&["language"]);
+    for word in ["distanceMax(a, b)", "secTexVariance", "tricube(x)", "Albedo.R"] {
+        assert!(language.contains(word), "no {word} in: {language}");
+    }
+}
+
+#[test]
+fn nobody_listening_is_no_error() {
+    let place = Place::new();
+    let mut command = place.program(&["language"]);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("the program starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("the program ends");
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", stderr(&output));
+}
