@@ -41,7 +41,7 @@ pub use interp::Interpreter;
 pub use jit::Jit;
 pub use precision::Precision;
 #[cfg(feature = "jit")]
-pub use tamis_jit::{Features, Width};
+pub use tamis_jit::{Chains, Features, Width};
 
 /// Sums of weights (in magnitude) below this are treated as zero: with weights
 /// so small, products with dark colours are subnormal and carry no precision.

@@ -6,9 +6,8 @@ use crate::plan::Filter;
 
 /// Path in the project, and text.
 const FILES: &[(&str, &str)] = &[
-    ("data/filters/tamis-1.toml", include_str!("../../data/filters/tamis-1.toml")),
-    // Better in the mean, but it takes small bright lights for fireflies.
     ("data/filters/tamis-2.toml", include_str!("../../data/filters/tamis-2.toml")),
+    ("data/filters/tamis-1.toml", include_str!("../../data/filters/tamis-1.toml")),
 ];
 
 /// Every shipped filter, the default first.

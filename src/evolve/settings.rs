@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use super::images;
 use crate::expr::Tree;
+use crate::scene::metric::Measure;
 
 /// The parameters of a search. Together with the fitness they determine its
 /// result, whatever the number of threads.
@@ -50,6 +51,8 @@ pub struct Settings {
     /// Names of features, gradients and variances that the search must not use,
     /// because the training scenes do not have them, say.
     pub forbidden: Vec<String>,
+    /// What is minimised (Section 4.3: RelMSE), as a sum over the scenes.
+    pub error: Measure,
     /// The window's radius that expressions are judged with.
     pub radius: u32,
     /// Share of the training pixels that breeding looks at, in tiles spread
@@ -107,9 +110,10 @@ pub struct MutationWeights {
 /// Named settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// Sections 4 and 5 of the paper; it took three days on a GPU there.
+    /// Sections 4 and 5 of the paper, where it took three days on a GPU; half an hour on
+    /// two cores with 512-bit vectors.
     Paper,
-    /// Minutes on a small machine.
+    /// A minute on the same.
     Quick,
 }
 
@@ -150,6 +154,7 @@ impl Preset {
             initial: "bilateral".to_owned(),
             initial_mutations: 1,
             forbidden: Vec::new(),
+            error: Measure::RelMse,
             radius: 10,
             share: 1.0,
             finalists: 16,
@@ -159,7 +164,7 @@ impl Preset {
         };
         match self {
             Self::Paper => paper,
-            // Two minutes are too short to put a cross-bilateral filter together
+            // So short a search cannot put a cross-bilateral filter together
             // from parts, so this one starts from there; with islands so small,
             // tournaments of eight would leave one family on each.
             Self::Quick => Settings {
@@ -167,6 +172,7 @@ impl Preset {
                 generations: 28,
                 tournament: 5,
                 initial: "cross-bilateral".to_owned(),
+                error: Measure::TwoSided,
                 mutations: MutationWeights { jitter: 2.0, ..paper.mutations },
                 max_nodes: 100,
                 max_depth: 30,

@@ -1,7 +1,12 @@
 //! How far an image is from its reference, in `f64`.
 //!
-//! - **RelMSE**: mean over pixels and channels of (img - ref)² / (ref² + 0.01).
-//!   What the search minimises, as in the paper.
+//! - **RelMSE**: mean over pixels and channels of (img - ref)² / (ref² + 0.01). The
+//!   error of the paper.
+//! - **Two-sided**: the mean of RelMSE and of the same relative to image and
+//!   reference alike, (img - ref)² / ((img² + ref²) / 2 + 0.01). For searches: a
+//!   spark that is left may cost any amount of RelMSE, a light that is lost 1 at
+//!   most, so that the cheapest way to be rid of sparks is to put out the lights
+//!   too. Here lights cost half as much again, and sparks no more than they did.
 //! - **Trimmed RelMSE**: the same without the worst 0.1% of the pixels, a pixel's
 //!   error being the mean over its channels. A handful of pixels at the edges of
 //!   visible lights decides the plain mean, so the two stand side by side.
@@ -14,11 +19,61 @@
 //! a pixel loses against every image without. Sums run in the images' order,
 //! so a result does not depend on the number of threads.
 
+use serde::{Deserialize, Serialize};
+
 use super::SceneError;
 use super::image::Image;
 
 /// The share of pixels that the trimmed error leaves out.
 const TRIMMED: f64 = 0.001;
+
+/// Keeps the denominators of relative errors from vanishing.
+const DARK: f64 = 0.01;
+
+/// What a search minimises: a mean over the pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Measure {
+    /// RelMSE.
+    RelMse,
+    /// The two-sided error.
+    TwoSided,
+}
+
+impl Measure {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::RelMse, Self::TwoSided];
+
+    /// As it is written.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::RelMse => "rel-mse",
+            Self::TwoSided => "two-sided",
+        }
+    }
+
+    /// As reports call it.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::RelMse => "RelMSE",
+            Self::TwoSided => "two-sided RelMSE",
+        }
+    }
+
+    /// Per pixel, the mean over its channels; infinite where that is not a number.
+    ///
+    /// # Panics
+    /// If the channels differ in length.
+    pub fn of_pixels(self, image: [&[f32]; 3], reference: [&[f32]; 3]) -> Vec<f64> {
+        match self {
+            Self::RelMse => pixel_errors(image, reference, relative),
+            Self::TwoSided => pixel_errors(image, reference, |x, y| {
+                let both = (x - y) * (x - y) / (0.5 * (x * x + y * y) + DARK);
+                0.5 * (relative(x, y) + both)
+            }),
+        }
+    }
+}
 
 /// The errors of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,7 +103,7 @@ impl Metrics {
             });
         }
         let (image, reference) = (image.rgb(), reference.rgb());
-        let mut errors = pixel_errors(image, reference);
+        let mut errors = pixel_errors(image, reference, relative);
         Ok(Self {
             rel_mse: mean(&errors),
             trimmed_rel_mse: trimmed_mean(&mut errors),
@@ -63,7 +118,7 @@ impl Metrics {
 /// # Panics
 /// If the channels differ in length.
 pub fn rel_mse(image: [&[f32]; 3], reference: [&[f32]; 3]) -> f64 {
-    mean(&pixel_errors(image, reference))
+    mean(&pixel_errors(image, reference, relative))
 }
 
 /// The relative mean square error without the worst 0.1% of the pixels (rounded
@@ -72,22 +127,26 @@ pub fn rel_mse(image: [&[f32]; 3], reference: [&[f32]; 3]) -> f64 {
 /// # Panics
 /// If the channels differ in length.
 pub fn trimmed_rel_mse(image: [&[f32]; 3], reference: [&[f32]; 3]) -> f64 {
-    trimmed_mean(&mut pixel_errors(image, reference))
+    trimmed_mean(&mut pixel_errors(image, reference, relative))
 }
 
-/// Per pixel, the mean over its channels of (img - ref)² / (ref² + 0.01);
-/// infinite where that is not a number.
-///
-/// # Panics
-/// If the channels differ in length.
-pub fn pixel_errors(image: [&[f32]; 3], reference: [&[f32]; 3]) -> Vec<f64> {
+/// The square of the error of `x`, relative to `y`.
+fn relative(x: f64, y: f64) -> f64 {
+    (x - y) * (x - y) / (y * y + DARK)
+}
+
+/// Per pixel, the mean of its channels' errors; infinite where that is not a number.
+fn pixel_errors(
+    image: [&[f32]; 3],
+    reference: [&[f32]; 3],
+    error: impl Fn(f64, f64) -> f64,
+) -> Vec<f64> {
     let mut errors = vec![0.0; reference[0].len()];
     for (channel, truth) in image.into_iter().zip(reference) {
         assert_eq!(channel.len(), errors.len(), "channels of one size");
         assert_eq!(truth.len(), errors.len(), "channels of one size");
-        for ((error, &x), &y) in errors.iter_mut().zip(channel).zip(truth) {
-            let (x, y) = (f64::from(x), f64::from(y));
-            *error += (x - y) * (x - y) / (y * y + 0.01);
+        for ((sum, &x), &y) in errors.iter_mut().zip(channel).zip(truth) {
+            *sum += error(f64::from(x), f64::from(y));
         }
     }
     errors.iter_mut().for_each(|error| *error = finite_or_worst(*error / 3.0));
@@ -168,6 +227,22 @@ mod tests {
             assert_eq!((m.rel_mse, m.mse), (f64::INFINITY, f64::INFINITY));
             assert!(!m.psnr.is_nan());
         }
+    }
+
+    #[test]
+    fn a_light_that_is_lost_counts_more_on_both_sides_than_on_one() {
+        let of = |measure: Measure, x: f32, y: f32| {
+            measure.of_pixels([&[x], &[x], &[x]], [&[y], &[y], &[y]])[0]
+        };
+        // By hand: (1 + 1 / (1/2 + 0.01)) / 2, each denominator with its 0.01.
+        let expected = 0.5 * (1.0 / 1.01 + 1.0 / 0.51);
+        assert!((of(Measure::TwoSided, 0.0, 1.0) - expected).abs() < 1e-12);
+        let (lost, left) = ((0.0, 100.0), (100.0, 0.0));
+        assert!(of(Measure::RelMse, lost.0, lost.1) < 1.0);
+        assert!(of(Measure::TwoSided, lost.0, lost.1) > 1.49);
+        assert!(of(Measure::TwoSided, left.0, left.1) > 0.49 * of(Measure::RelMse, left.0, left.1));
+        assert_eq!(of(Measure::TwoSided, 0.3, 0.3), 0.0);
+        assert_eq!(of(Measure::TwoSided, f32::NAN, 1.0), f64::INFINITY);
     }
 
     #[test]

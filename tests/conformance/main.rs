@@ -16,11 +16,11 @@ use std::process::ExitCode;
 use std::sync::LazyLock;
 
 use libtest_mimic::Arguments;
+use tamis::backend::Chains;
 use tamis::backend::gpu::{Gpu, Options, adapters};
 use tamis::backend::shader::Loads;
 use tamis::backend::wgsl::Precision;
 use tamis::backend::{Backend, Features, Interpreter, Jit, Width};
-use tamis_jit::Chains;
 
 use harness::{is_required, trial};
 

@@ -61,8 +61,8 @@ pub(super) struct Evolve {
     #[arg(long, num_args = 1.., value_name = scenes::VALUE, default_value = "data/train")]
     scenes: Vec<PathBuf>,
 
-    /// Parameters to start from: those of the paper (an hour), or a small search
-    /// (minutes) [default: quick]
+    /// Parameters to start from: those of the paper (half an hour on two fast cores), or
+    /// a small search (less than a minute) [default: quick]
     #[arg(long, value_enum, value_name = "PRESET", hide_default_value = true)]
     preset: Option<Preset>,
 
@@ -126,6 +126,7 @@ impl Evolve {
         let coverage = Coverage::of(&settings);
         let fitness = ImageFitness::new(training, window, coverage, &*backend)
             .together(settings.together)
+            .minimizing(settings.error)
             .racing(&settings.racing, settings.seed);
         let mut search = match checkpoint {
             Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), &fitness)?,
@@ -220,9 +221,10 @@ impl Evolve {
                 .join(", ")
         ));
         Ok(format!(
-            "{}\n\ntraining error {} (sum of RelMSE over {}), search {}\n{}\n\n{}",
+            "{}\n\ntraining error {} (sum of {} over {}), search {}\n{}\n\n{}",
             outcome.best().tree,
             number::error(outcome.best().full),
+            settings.error.title(),
             number::plural(files.len(), "scene"),
             record::ending(outcome.ending),
             record::effort(outcome),

@@ -19,9 +19,10 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
     let mut page = String::from("# A bred filter\n\n");
     let _ = writeln!(
         page,
-        "Training error {} (sum of RelMSE over {}), {} nodes, radius {}, seed {}. The search {} \
+        "Training error {} (sum of {} over {}), {} nodes, radius {}, seed {}. The search {} \
          after generation {} of {}. It {} ({} more had been judged before).\n",
         number::error(best.full),
+        origin.settings.error.title(),
         number::plural(origin.scores.scenes.len(), "scene"),
         best.tree.len(),
         origin.settings.radius,

@@ -6,6 +6,7 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 
 use crate::evolve::{Preset, Settings};
+use crate::scene::metric::Measure;
 
 /// A parameter.
 struct Parameter {
@@ -35,6 +36,8 @@ macro_rules! parameters {
 const PARAMETERS: &[Parameter] = parameters! {
     "seed" "N" seed:
         "Names the random streams: the same seed finds the same filter";
+    "error" "ERROR" error:
+        "What is minimised: rel-mse (the paper's), which puts small lights out with the fireflies, or two-sided, which keeps them";
     "generations" "N" generations:
         "Generations after the initial population";
     "radius" "PIXELS" radius:
@@ -127,6 +130,18 @@ impl Text for bool {
             "off" => Ok(false),
             _ => Err("must be `on` or `off`".to_owned()),
         }
+    }
+}
+
+impl Text for Measure {
+    fn text(&self) -> String {
+        self.name().to_owned()
+    }
+    fn parsed(text: &str) -> Result<Self, String> {
+        let known = Self::ALL.into_iter().find(|measure| measure.name() == text);
+        known.ok_or_else(|| {
+            format!("must be {}", Self::ALL.map(|m| format!("`{}`", m.name())).join(" or "))
+        })
     }
 }
 
@@ -249,6 +264,7 @@ mod tests {
         for parameter in PARAMETERS {
             let value = (parameter.get)(&settings);
             let other = match parameter.flag {
+                "error" => "rel-mse".to_owned(),
                 "initial" => "gaussian".to_owned(),
                 "forbid" => "depth,sin".to_owned(),
                 "racing" => "on".to_owned(),

@@ -17,7 +17,8 @@ use crate::backend::{Backend, BackendError, Rect};
 use crate::expr::Tree;
 use crate::plan::{Passes, PlanError, Window};
 use crate::scene::facts::Facts;
-use crate::scene::{Image, Scene, SceneError, metric};
+use crate::scene::metric::{self, Measure};
+use crate::scene::{Image, Scene, SceneError};
 use batch::Batching;
 pub use coverage::Coverage;
 use race::Course;
@@ -57,13 +58,15 @@ impl TrainingScene {
 /// Expressions in one plan, unless told otherwise.
 pub const TOGETHER: usize = 32;
 
-/// Judges expressions by the sum over scenes of the relative mean square error.
+/// Judges expressions by the sum over scenes of the mean error, RelMSE unless told
+/// otherwise.
 pub struct ImageFitness<'a> {
     scenes: Vec<TrainingScene>,
     /// What breeding looks at, scene by scene.
     samples: Vec<Sample>,
     coverage: Coverage,
     batching: Batching<'a>,
+    measure: Measure,
     /// Where races are run; without one every entrant is judged in full.
     course: Option<Course>,
 }
@@ -105,13 +108,20 @@ impl<'a> ImageFitness<'a> {
         // plan and filtered in another, and little in training scenes is.
         let passes = Passes { converged: false, ..Passes::ALL };
         let batching = Batching { backend, facts, window, passes, together: TOGETHER };
-        Self { scenes, samples, coverage, batching, course: None }
+        Self { scenes, samples, coverage, batching, measure: Measure::RelMse, course: None }
     }
 
     /// The same, judging so many expressions in one plan; the values are the same.
     #[must_use]
     pub fn together(mut self, expressions: usize) -> Self {
         self.batching.together = expressions.max(1);
+        self
+    }
+
+    /// The same, minimising another error.
+    #[must_use]
+    pub fn minimizing(mut self, measure: Measure) -> Self {
+        self.measure = measure;
         self
     }
 
@@ -175,7 +185,7 @@ impl<'a> ImageFitness<'a> {
     /// Whatever cannot be planned, compiled or run is good for nothing, and costs
     /// the search no more than that.
     fn errors(&self, trees: &[Tree], samples: &[Sample]) -> Vec<f64> {
-        let error = |k: usize, pixels: &[[f32; 3]]| mean(&samples[k].errors(pixels));
+        let error = |k: usize, pixels: &[[f32; 3]]| mean(&samples[k].errors(pixels, self.measure));
         let measured = self.batching.run(trees, &self.pairs_of(samples), error);
         measured.into_iter().map(|errors| errors.map_or(f64::INFINITY, total)).collect()
     }
@@ -214,7 +224,8 @@ impl Fitness for ImageFitness<'_> {
     fn identity(&self) -> String {
         let names: Vec<&str> = self.scenes.iter().map(|t| t.scene.name()).collect();
         format!(
-            "relmse of {} over {:?}, {:?}",
+            "{} of {} over {:?}, {:?}",
+            self.measure.name(),
             names.join(" "),
             self.batching.window,
             self.coverage

@@ -86,7 +86,7 @@ impl ImageFitness<'_> {
     /// Judges in full, and keeps the tiles' errors.
     fn in_full(&self, course: &Course, trees: &[Tree]) -> Vec<f64> {
         let measured = self.batching.run(trees, &self.pairs_of(&self.samples), |k, pixels| {
-            let errors = self.samples[k].errors(pixels);
+            let errors = self.samples[k].errors(pixels, self.measure);
             (mean(&errors), course.ladder.read(k, &self.samples[k], &errors))
         });
         let mut values = Vec::with_capacity(trees.len());
@@ -103,7 +103,7 @@ impl ImageFitness<'_> {
     /// Per tree and scene, the errors on the tiles that a rung adds.
     fn tile_errors(&self, trees: &[Tree], rung: &Rung) -> Vec<Option<TileErrors>> {
         self.batching.run(trees, &self.pairs_of(&rung.samples), |k, pixels| {
-            rung.samples[k].means(&rung.samples[k].errors(pixels))
+            rung.samples[k].means(&rung.samples[k].errors(pixels, self.measure))
         })
     }
 

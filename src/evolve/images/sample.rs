@@ -2,7 +2,7 @@
 
 use super::TrainingScene;
 use crate::backend::Rect;
-use crate::scene::metric;
+use crate::scene::metric::Measure;
 
 /// Rectangles of a scene with their true colours, in the order that back ends
 /// give pixels in.
@@ -39,11 +39,11 @@ impl Sample {
         self.truth[0].len()
     }
 
-    /// Per pixel, the mean over its channels of (img - ref)² / (ref² + 0.01).
-    pub(super) fn errors(&self, pixels: &[[f32; 3]]) -> Vec<f64> {
+    /// Per pixel, how far it is from the truth.
+    pub(super) fn errors(&self, pixels: &[[f32; 3]], measure: Measure) -> Vec<f64> {
         let image = [0, 1, 2].map(|c| pixels.iter().map(|p| p[c]).collect::<Vec<f32>>());
         let [image, truth] = [&image, &self.truth].map(|rgb| rgb.each_ref().map(Vec::as_slice));
-        metric::pixel_errors(image, truth)
+        measure.of_pixels(image, truth)
     }
 
     /// The mean of each rectangle's errors.
