@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the README's table and picture: breeds a filter with the quick preset
-# (two minutes on two cores) and scores it beside the named ones.
+# (a minute on two cores) and scores it beside the named ones.
 #
 #   scripts/results.sh [SCENES...]
 #
@@ -14,5 +14,5 @@ tamis=target/release/tamis
 "$tamis" evolve --preset quick --out out
 "$tamis" score --markdown --scenes data/test "$@" \
     --filters bilateral cross-bilateral kan2017 out/best.toml tamis-1 tamis-2 > out/results.md
-"$tamis" sheet data/test/courtyard -o docs/courtyard.png --filters tamis-1
+"$tamis" sheet data/test/courtyard -o docs/courtyard.png --filters tamis-2
 cat out/results.md

@@ -35,8 +35,12 @@ const LETTER: f64 = 0.58;
 /// From one line of the legend to the next.
 const LINE: f64 = 22.0;
 
-const COLORS: [&str; 7] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
+/// As many as there are named and shipped filters and entries of Open Image Denoise.
+const COLORS: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8b5a2b"];
+/// As many as `outline` draws, one for every back end, two compilers and Open Image
+/// Denoise.
+const SHAPES: usize = 7;
 
 /// A chart.
 #[derive(Clone, Debug)]
@@ -267,7 +271,7 @@ fn outline(k: usize, x: f64, y: f64) -> String {
     let closed = |corners: &[(f64, f64)]| {
         path(corners.iter().map(|(dx, dy)| (x + dx * MARK, y + dy * MARK))) + "Z"
     };
-    match k % 6 {
+    match k % SHAPES {
         0 => format!(
             "M{:.1} {y:.1}a{MARK} {MARK} 0 1 0 {:.1} 0a{MARK} {MARK} 0 1 0 {:.1} 0Z",
             x - MARK,
@@ -278,6 +282,22 @@ fn outline(k: usize, x: f64, y: f64) -> String {
         2 => closed(&[(0.0, -1.2), (1.1, 0.8), (-1.1, 0.8)]),
         3 => closed(&[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)]),
         4 => closed(&[(0.0, 1.2), (1.1, -0.8), (-1.1, -0.8)]),
+        6 => {
+            let (near, far) = (0.4, 1.2);
+            let arm = |(x, y): (f64, f64)| {
+                [(near * x, far * y), (near * x, near * y), (far * x, near * y)]
+            };
+            let quarters = [(1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)];
+            let corners = quarters.into_iter().enumerate().flat_map(|(k, quarter)| {
+                let mut corners = arm(quarter);
+                // Around the centre, so that every second quarter goes the other way.
+                if k % 2 == 1 {
+                    corners.reverse();
+                }
+                corners
+            });
+            closed(&corners.collect::<Vec<_>>())
+        }
         _ => {
             let star = |k: usize| {
                 let (length, angle) =
@@ -334,6 +354,14 @@ mod tests {
                 points: points.iter().map(point).collect(),
             }],
         }
+    }
+
+    #[test]
+    fn no_two_series_look_alike() {
+        let shapes: Vec<String> = (0..SHAPES).map(|k| outline(k, 0.0, 0.0)).collect();
+        let all = |texts: &[String]| distinct(texts.iter().map(String::as_str)).len();
+        assert_eq!(all(&shapes), SHAPES);
+        assert_eq!(distinct(COLORS.into_iter()).len(), COLORS.len());
     }
 
     #[test]
