@@ -8,8 +8,8 @@
 //! ```
 //!
 //! The first two take `--expressions`, `--generations` that breed them, and `--share`, the part of the
-//! training pixels to judge on; `racing` takes `--share`, `--radius`, `--rungs`, `--bar` and `--deviations` as `tamis evolve` does,
-//! `generation` those but the first two, and `--count`.
+//! training pixels to judge on; `racing` takes `--share`, `--radius`, `--rungs`, `--bar` and `--deviations`
+//! as `tamis evolve` does, `generation` those but the first two, and `--count`.
 //!
 //! On two cores of a Zen 4 virtual machine (512-bit vectors), 128 expressions, 32 of each island of a
 //! population bred for sixty generations with the paper's settings, all training pixels, radius 10, medians

@@ -16,13 +16,13 @@ use crate::scene::write_atomically;
 /// The layout of the file; raised with every change to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Format {
-    #[serde(rename = "tamis-search-2")]
-    V2,
+    #[serde(rename = "tamis-search-3")]
+    V3,
 }
 
 impl Format {
     /// What the file's first member says in every version.
-    const NAME: &str = "tamis-search-2";
+    const NAME: &str = "tamis-search-3";
 }
 
 /// Everything that a search knows between two generations, and all that it has
@@ -76,7 +76,7 @@ impl State {
 
 impl Checkpoint {
     pub(super) fn new(identity: String, settings: Settings, state: State) -> Self {
-        Self { format: Format::V2, identity, settings, state }
+        Self { format: Format::V3, identity, settings, state }
     }
 
     /// Reads a checkpoint.

@@ -2,20 +2,20 @@
 //!
 //! - **RelMSE**: mean over pixels and channels of (img - ref)² / (ref² + 0.01). The
 //!   error of the paper.
-//! - **Two-sided**: the mean of RelMSE and of the same relative to image and
-//!   reference alike, (img - ref)² / ((img² + ref²) / 2 + 0.01). For searches: a
-//!   spark that is left may cost any amount of RelMSE, a light that is lost 1 at
-//!   most, so that the cheapest way to be rid of sparks is to put out the lights
-//!   too. Here lights cost half as much again, and sparks no more than they did.
 //! - **Trimmed RelMSE**: the same without the worst 0.1% of the pixels, a pixel's
 //!   error being the mean over its channels. A handful of pixels at the edges of
 //!   visible lights decides the plain mean, so the two stand side by side.
+//! - **Two-sided RelMSE**, for searches: the mean of RelMSE and of the same relative
+//!   to image and reference alike, (img - ref)² / ((img² + ref²) / 2 + 0.01). A spark
+//!   that is left may cost any amount of RelMSE and a light that is lost 1 at most,
+//!   so that the cheapest way to be rid of sparks is to put out the lights too. Here
+//!   a light costs up to 1.5, and a spark up to half of its RelMSE and 1.
 //! - **MSE**: mean of (img - ref)².
 //! - **PSNR**, in decibels, of the tone-mapped images: values clamped to [0, 1] and
 //!   put through the sRGB curve, no exposure applied, peak 1. Infinite for equal
 //!   pictures.
 //!
-//! A pixel that is not finite makes the first three infinite: an image with such
+//! A pixel that is not finite makes the first four infinite: an image with such
 //! a pixel loses against every image without. Sums run in the images' order,
 //! so a result does not depend on the number of threads.
 
