@@ -3,7 +3,9 @@
 //! No plan, no pass and no tape is involved: the trees are evaluated by the
 //! meanings of the operator table, so that an error in any of those shows.
 
-use super::{Rect, color_at};
+use rayon::prelude::*;
+
+use super::{Rect, SMALLEST_SUM, TRUSTED_SHARE, color_at};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::tape::Side;
 use crate::plan::{Stage, Window};
@@ -20,6 +22,49 @@ pub struct Exact {
     pub total: f64,
     /// Σ |w|.
     pub magnitude: f64,
+}
+
+/// Darker colours are measured by this: the products that make them are subnormal.
+const DARKEST: f64 = 1e-30;
+
+impl Exact {
+    /// Whether back ends promise anything of this pixel: its weights do not all but
+    /// vanish, nor cancel so far that rounding decides whether the guard acts.
+    pub fn is_promised(&self) -> bool {
+        let total = self.total.abs();
+        let share = 2.0 * f64::from(TRUSTED_SHARE);
+        total >= f64::from(SMALLEST_SUM) && total >= share * self.magnitude
+    }
+
+    /// How far a computed colour is from this one: the greatest relative difference
+    /// of a channel, divided by the sums' condition. This is what
+    /// [`ACCURACY`](super::ACCURACY) bounds. A colour that cancelled away is
+    /// measured by what was cancelled; NaN is infinitely far off.
+    pub fn difference(&self, computed: [f32; 3]) -> f64 {
+        let condition = self.magnitude / self.total.abs();
+        let channels = computed.iter().zip(self.color).zip(self.brightest);
+        let differences = channels.map(|((&computed, color), brightest)| {
+            let scale = color.abs().max(brightest * (condition - 1.0)).max(DARKEST);
+            let difference = (f64::from(computed) - color).abs() / (condition * scale);
+            if difference.is_nan() { f64::INFINITY } else { difference }
+        });
+        differences.fold(0.0, f64::max)
+    }
+}
+
+/// How far a scene's filtered pixels, row by row, are from exact: the greatest
+/// [difference](Exact::difference) of those of which back ends promise anything.
+///
+/// # Panics
+/// If the scene was loaded without a plane that the stage reads.
+pub fn difference(scene: &Scene, stage: &Stage, computed: &[[f32; 3]]) -> f64 {
+    let width = scene.layout().width();
+    let rows = computed.par_chunks(width).enumerate().map(|(y, row)| {
+        let exact = filter(scene, stage, Rect { x: 0, y, width, height: 1 });
+        let promised = row.iter().zip(&exact).filter(|(_, exact)| exact.is_promised());
+        promised.map(|(&computed, exact)| exact.difference(computed)).fold(0.0, f64::max)
+    });
+    rows.reduce(|| 0.0, f64::max)
 }
 
 /// Filters the pixels of a rectangle exactly.

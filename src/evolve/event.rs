@@ -31,4 +31,9 @@ pub enum Event<'a> {
         /// How many there are.
         count: usize,
     },
+    /// A finalist is about to be compared with its exact meaning.
+    Comparison {
+        /// Which; 0 is the best.
+        rank: usize,
+    },
 }

@@ -23,6 +23,18 @@ pub trait Fitness: Sync {
         self.evaluate(trees)
     }
 
+    /// How far what is computed for an expression is from what it means, at worst. A
+    /// finalist that is further than [`tolerance`](Self::tolerance) does not win while
+    /// another is not: where the expression is used, its rounding errors may grow.
+    fn difference(&self, _tree: &Tree) -> Result<f64, Self::Error> {
+        Ok(0.0)
+    }
+
+    /// The greatest difference that does no harm.
+    fn tolerance(&self) -> f64 {
+        0.0
+    }
+
     /// Judges expressions for breeding, but may drop those that cannot beat their
     /// bars. Each verdict must be a function of the entrant alone; `Full` values
     /// are those of [`evaluate`](Self::evaluate), `Dropped` ones not below the

@@ -15,12 +15,12 @@
 //! 4. Every few generations each island's best migrates to the next
 //!    ([`islands`]).
 //! 5. The best of the whole run ([`hall`]) are judged in full at the end, and
-//!    the best of those is the result.
+//!    the best of those that is computed accurately is the result.
 //!
-//! Where this goes beyond the paper it says so: the elite is never lost, ties
-//! go to the smaller tree, trees have a size limit, expressions that cannot win
-//! are dropped early, and there is a fifth kind of mutation, off in the paper's
-//! preset.
+//! Where this goes beyond the paper it says so: the elite is never lost, ties go to
+//! the smaller tree, trees have a size limit, expressions that cannot win are dropped
+//! early, what magnifies rounding errors does not win, and there is a fifth kind of
+//! mutation, off in the paper's preset.
 //!
 //! The result depends on the settings and the fitness alone. Random streams
 //! are named ([`rng`]), orders are total ([`individual`]), and what a clock or

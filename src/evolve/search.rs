@@ -34,6 +34,9 @@ pub struct Finalist {
     pub bred: f64,
     /// Its fitness in full: lower is better.
     pub full: f64,
+    /// How far what is computed for it is from what it means; none if somebody before
+    /// it won.
+    pub difference: Option<f64>,
 }
 
 /// What a run found.
@@ -41,6 +44,9 @@ pub struct Finalist {
 pub struct Outcome {
     /// The hall of fame judged in full, the best first. Never empty.
     pub finalists: Vec<Finalist>,
+    /// Which of them wins: the first that is computed accurately enough. If none is,
+    /// the most accurate.
+    pub winner: usize,
     /// The islands after the last complete generation; none if the run was
     /// stopped within the initial one.
     pub islands: Vec<Population>,
@@ -59,9 +65,9 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// The best of the finalists.
+    /// The best of the finalists that is computed accurately.
     pub fn best(&self) -> &Finalist {
-        &self.finalists[0]
+        &self.finalists[self.winner]
     }
 }
 
@@ -114,9 +120,11 @@ impl<'a, F: Fitness> Search<'a, F> {
         if let Some(checkpoints) = &control.checkpoints {
             self.checkpoint().write(&checkpoints.path)?;
         }
-        let finalists = self.finals(listener)?;
+        let mut finalists = self.finals(listener)?;
+        let winner = self.winner(&mut finalists, listener)?;
         Ok(Outcome {
             finalists,
+            winner,
             islands: self.state.islands.clone(),
             history: self.state.history.clone(),
             evaluations: self.state.memo.len(),
@@ -289,8 +297,31 @@ impl<'a, F: Fitness> Search<'a, F> {
             tree: judged.tree,
             bred,
             full: judged.fitness,
+            difference: None,
         };
         Ok(ranked.into_iter().map(finalist).collect())
+    }
+
+    /// Compares finalists with their exact meanings until one is close enough.
+    fn winner(
+        &self,
+        finalists: &mut [Finalist],
+        listener: &mut dyn FnMut(Event<'_>),
+    ) -> Result<usize, Error> {
+        let mut closest = (0, f64::INFINITY);
+        for (rank, finalist) in finalists.iter_mut().enumerate() {
+            listener(Event::Comparison { rank });
+            let difference = self.fitness.difference(&finalist.tree);
+            let difference = difference.map_err(|error| Error::Fitness(Box::new(error)))?;
+            finalist.difference = Some(difference);
+            if difference <= self.fitness.tolerance() {
+                return Ok(rank);
+            }
+            if difference < closest.1 {
+                closest = (rank, difference);
+            }
+        }
+        Ok(closest.0)
     }
 
     /// How many of the expressions bred had been judged before. What a stopped

@@ -247,6 +247,67 @@ fn the_best_is_chosen_by_the_full_fitness() {
     assert!(outcome.best().bred > least(&outcome));
 }
 
+/// Computes every finalist badly: the shorter, the worse.
+struct Shaky {
+    within: Regression,
+    tolerance: f64,
+    compared: Mutex<usize>,
+}
+
+impl Shaky {
+    fn new(tolerance: f64) -> Self {
+        Self { within: Regression::new(), tolerance, compared: Mutex::default() }
+    }
+}
+
+impl Fitness for Shaky {
+    type Error = Infallible;
+
+    fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Infallible> {
+        self.within.evaluate(trees)
+    }
+
+    fn difference(&self, tree: &Tree) -> Result<f64, Infallible> {
+        *self.compared.lock().unwrap() += 1;
+        Ok(1.0 + (1 << 20) as f64 / tree.len() as f64)
+    }
+
+    fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+
+    fn identity(&self) -> String {
+        self.within.identity()
+    }
+}
+
+#[test]
+fn the_first_finalist_that_is_accurate_wins() {
+    let least = |outcome: &Outcome| {
+        let differences = outcome.finalists.iter().filter_map(|f| f.difference);
+        differences.fold(f64::INFINITY, f64::min)
+    };
+    let none = Shaky::new(0.5);
+    let hopeless = search(&small(), &none);
+    assert_eq!(*none.compared.lock().unwrap(), hopeless.finalists.len());
+    assert_eq!(hopeless.best().difference, Some(least(&hopeless)));
+    let first = hopeless.finalists[0].difference.expect("all were compared");
+    assert!(first > least(&hopeless), "the test shows nothing");
+
+    // Tolerate a little less than the first has.
+    let some = Shaky::new(first.next_down());
+    let outcome = search(&small(), &some);
+    assert!(outcome.winner > 0);
+    assert_eq!(*some.compared.lock().unwrap(), outcome.winner + 1);
+    let (refused, rest) = outcome.finalists.split_at(outcome.winner);
+    assert!(refused.iter().all(|f| f.difference >= Some(first)));
+    assert!(outcome.best().difference < Some(first));
+    assert!(rest[1..].iter().all(|f| f.difference.is_none()));
+
+    let all = search(&small(), &Shaky::new(first));
+    assert_eq!(all.winner, 0);
+}
+
 #[test]
 fn a_time_limit_of_nothing_still_gives_a_best_so_far() {
     let fitness = Regression::new();
@@ -359,6 +420,7 @@ fn the_listener_hears_of_every_generation() {
                 generations.push(generation);
             }
             Event::Finalists { count } => finals += count,
+            Event::Comparison { rank } => assert_eq!(rank, 0, "the first is good enough"),
         })
         .unwrap();
     assert_eq!(generations, (0..=12).collect::<Vec<u32>>());

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use tamis::backend::gpu::{FAST_ACCURACY, Gpu, GpuError, Options};
 use tamis::backend::shader::{Loads, Shader, Style};
 use tamis::backend::wgsl::{Arithmetic, Dialect, Precision};
-use tamis::backend::{ACCURACY, Backend, BackendError, Jit, Rect, SMALLEST_SUM, oracle};
+use tamis::backend::{ACCURACY, Backend, BackendError, Jit, Rect, oracle};
 use tamis::expr::{Feature, Op, Quantity, Tree, codebook};
 use tamis::plan::{Passes, Plan, Source, Stage, Window};
 use tamis::scene::{Facts, Image, LoadOptions, Needs, RawScene, Scene};
@@ -205,20 +205,13 @@ struct Worst {
 
 impl Worst {
     fn note(&mut self, got: [f32; 3], machine: [f32; 3], exact: &oracle::Exact) {
-        // Weights of both signs cancel, which magnifies the error of the sums; and
-        // sums below SMALLEST_SUM may lack what a factor flushed to zero.
-        let condition = exact.magnitude / exact.total.abs();
-        if condition > 500.0 || exact.magnitude < f64::from(SMALLEST_SUM) {
+        if !exact.is_promised() {
             self.left_out += 1;
             return;
         }
-        for c in 0..3 {
-            let scale = exact.color[c].abs().max(exact.brightest[c] * (condition - 1.0));
-            let scale = condition * scale.max(1e-30);
-            let error = |x: f64| (f64::from(got[c]) - x).abs() / scale;
-            self.exact = self.exact.max(error(exact.color[c]));
-            self.machine = self.machine.max(error(machine[c].into()));
-        }
+        let machine = oracle::Exact { color: machine.map(f64::from), ..*exact };
+        self.exact = self.exact.max(exact.difference(got));
+        self.machine = self.machine.max(machine.difference(got));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::backend::{Rect, SMALLEST_SUM, TRUSTED_SHARE, oracle};
+use crate::backend::{Rect, oracle};
 use crate::plan::Stage;
 use crate::scene::{Image, Scene};
 
@@ -25,31 +25,16 @@ impl Exact {
         Self(rows.collect())
     }
 
-    /// The greatest relative difference of a colour, divided by its sums' condition
-    /// where weights cancel. Pixels of which no back end promises anything are left
-    /// out.
+    /// The greatest difference of a colour among the pixels of which back ends promise
+    /// anything.
     pub(super) fn difference(&self, image: &Image) -> f64 {
         let rgb = image.rgb();
         let width = image.size().0;
-        let mut worst = 0.0f64;
-        for (y, row) in &self.0 {
-            for (x, exact) in row.iter().enumerate() {
-                let total = exact.total.abs();
-                let share = total / exact.magnitude;
-                if total < f64::from(SMALLEST_SUM) || share < f64::from(TRUSTED_SHARE) {
-                    continue;
-                }
-                for (channel, color) in rgb.iter().zip(exact.color) {
-                    let difference = (f64::from(channel[y * width + x]) - color).abs();
-                    if difference.is_nan() {
-                        return f64::INFINITY;
-                    }
-                    if color != 0.0 {
-                        worst = worst.max(share * difference / color.abs());
-                    }
-                }
-            }
-        }
-        worst
+        let rows = self.0.iter();
+        let pixels = rows.flat_map(|(y, row)| row.iter().enumerate().map(move |(x, e)| (x, y, e)));
+        pixels
+            .filter(|(.., exact)| exact.is_promised())
+            .map(|(x, y, exact)| exact.difference(rgb.map(|channel| channel[y * width + x])))
+            .fold(0.0, f64::max)
     }
 }

@@ -133,6 +133,15 @@ impl Evolve {
             None => Search::new(settings.clone(), &fitness)?,
         };
         let outcome = self.search(&mut search, &settings, log)?;
+        let best = outcome.best();
+        if let Some(difference) = best.difference.filter(|&d| d > fitness.tolerance()) {
+            log.say(format_args!(
+                "warning: no finalist is computed within {} of its exact meaning; the result, the \
+                 closest of them, is off by up to {}",
+                number::difference(fitness.tolerance()),
+                number::difference(difference),
+            ));
+        }
         self.report(&settings, &outcome, &*backend, &files, log)
     }
 

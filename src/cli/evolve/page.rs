@@ -41,10 +41,14 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
     page.push_str("\n## What the filters look at\n\n");
     page.push_str(&frequencies(outcome));
 
-    page.push_str("\n## Finalists\n\nThe best of the whole run, judged on all pixels.\n\n");
+    page.push_str(
+        "\n## Finalists\n\nThe best of the whole run, judged on all pixels. The first that is close enough \
+         to its exact meaning is the result.\n\n",
+    );
     let mut table = Table::new([
         ("error", Align::Right),
         ("while breeding", Align::Right),
+        ("from exact", Align::Right),
         ("nodes", Align::Right),
         ("expression", Align::Left),
     ]);
@@ -52,6 +56,7 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
         table.row([
             number::error(finalist.full),
             number::error(finalist.bred),
+            finalist.difference.map_or("-".to_owned(), number::difference),
             finalist.tree.len().to_string(),
             format!("`{}`", finalist.tree),
         ]);

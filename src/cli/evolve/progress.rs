@@ -71,12 +71,19 @@ impl Progress {
                 self.show(generation, 1.0, generation == of);
             }
             Event::Finalists { count } => {
-                let text = format!("judging {} on all pixels", number::plural(count, "finalist"));
-                match &self.bar {
-                    Some(bar) => bar.set_message(text),
-                    None => self.log.say(text),
-                }
+                self.tell(format!("judging {} on all pixels", number::plural(count, "finalist")));
             }
+            Event::Comparison { rank } => {
+                self.tell(format!("comparing finalist {} with its exact meaning", rank + 1));
+            }
+        }
+    }
+
+    /// Says what is under way.
+    fn tell(&self, text: String) {
+        match &self.bar {
+            Some(bar) => bar.set_message(text),
+            None => self.log.say(text),
         }
     }
 

@@ -23,6 +23,10 @@ pub(super) fn training(origin: &Origin<'_>, outcome: &Outcome) -> toml::Table {
     put("program", concat!("tamis ", env!("CARGO_PKG_VERSION")).into());
     put("error", best.full.into());
     put("error-while-breeding", best.bred.into());
+    put("finalist", integer(outcome.winner + 1));
+    if let Some(difference) = best.difference {
+        put("difference-from-exact", difference.into());
+    }
     put("seed", integer(origin.settings.seed));
     put("ending", ending(outcome.ending).into());
     put("generations", integer(generations(outcome).unwrap_or(0)));

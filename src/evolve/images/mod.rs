@@ -3,6 +3,7 @@
 
 mod batch;
 mod coverage;
+mod exact;
 mod kin;
 mod race;
 mod rungs;
@@ -209,6 +210,14 @@ impl Fitness for ImageFitness<'_> {
     fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
         let whole: Vec<Sample> = self.scenes.iter().map(Sample::whole).collect();
         Ok(self.errors(trees, &whole))
+    }
+
+    fn difference(&self, tree: &Tree) -> Result<f64, Self::Error> {
+        Ok(self.greatest_difference(tree).unwrap_or(f64::INFINITY))
+    }
+
+    fn tolerance(&self) -> f64 {
+        exact::TOLERANCE
     }
 
     fn race(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Self::Error> {

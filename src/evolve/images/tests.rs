@@ -128,6 +128,17 @@ fn breeding_on_all_pixels_is_judging_in_full() {
     assert_eq!(fitness.evaluate(&trees).unwrap(), fitness.evaluate_full(&trees).unwrap());
 }
 
+#[test]
+fn what_magnifies_rounding_errors_is_found_out() {
+    let backend = Interpreter;
+    let fitness = fitness(&backend);
+    let difference = |text: &str| fitness.difference(&text.parse().unwrap()).unwrap();
+    let sound = difference("exp(-distance2(normal, normal) / 0.1)");
+    assert!(sound < fitness.tolerance(), "{sound}");
+    let unsound = difference("pow(dot(normal, normal), 10000)");
+    assert!(unsound > fitness.tolerance(), "{unsound}");
+}
+
 /// Races on a quarter and a half of the pixels.
 fn racing(deviations: f64) -> Racing {
     Racing { on: true, rungs: vec![0.25, 0.5], bar: 0.5, deviations }

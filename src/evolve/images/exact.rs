@@ -1,0 +1,38 @@
+//! How far an expression's filtered training scenes are from its exact meaning.
+//!
+//! What is ill-conditioned (a division by something that comes near zero, say) shows
+//! in a few pixels of a few scenes, and in windows of any size: taps far away weigh
+//! little, and many of them average errors away. So all pixels are looked at, in
+//! small windows.
+
+use super::{ImageFitness, JudgeError};
+use crate::backend::{ACCURACY, Rect, oracle};
+use crate::expr::Tree;
+use crate::plan::{Plan, Source, Stage, Window};
+
+/// Half of what back ends promise: of all scenes, training scenes hold few pixels.
+/// Bred expressions have 1e-6 where nothing is amiss.
+pub(super) const TOLERANCE: f64 = ACCURACY / 2.0;
+
+/// The window's radius: 25 taps, exactly computed for 0.4 million pixels, take seconds.
+const RADIUS: u32 = 2;
+
+impl ImageFitness<'_> {
+    /// The greatest difference from exact of a pixel of which back ends promise
+    /// anything, of all scenes.
+    pub(super) fn greatest_difference(&self, tree: &Tree) -> Result<f64, JudgeError> {
+        let batching = &self.batching;
+        let window = Window { radius: batching.window.radius.min(RADIUS), ..batching.window };
+        let trees = std::slice::from_ref(tree);
+        let plan = Plan::new(trees, window, &batching.facts, batching.passes)?;
+        let code = batching.backend.compile(&plan)?;
+        let stage = Stage { weight: tree.clone(), window, source: Source::Color };
+        let mut greatest = 0.0f64;
+        for training in &self.scenes {
+            let scene = &training.scene;
+            let filtered = code.run(scene, &[Rect::whole(scene)])?.swap_remove(0);
+            greatest = greatest.max(oracle::difference(scene, &stage, &filtered.pixels));
+        }
+        Ok(greatest)
+    }
+}
