@@ -1,0 +1,388 @@
+//! Time beside error: nanoseconds per pixel pair and the greatest relative
+//! difference from the exact filter, for the interpreter and machine code of every
+//! width that the host has, on the named filters, the shipped one and thirty bred
+//! trees; and the same for exported C, as a compiler vectorises it at its best.
+//!
+//! ```text
+//! cargo bench --bench backends
+//! cargo bench --bench backends -- --cc clang-19 gcc
+//! ```
+//!
+//! All measurements of a filter are interleaved, round by round, on one thread,
+//! and medians are printed: on a shared machine only ratios within one run mean
+//! anything. All widths give the same bits, so one error stands for all. Compile
+//! times are of the narrowest and the widest code, planning not included.
+//!
+//! With `--cc` a second table compares with compilers. `jit` is machine code as it is
+//! used; `alike` is machine code of the very tape that is exported, which knows nothing
+//! of the scene, computes everything per pair, and each pair for one of its ends. Their
+//! rivals get that tape as C, in a loop nest that is the same as ours (`nest.c`), and
+//! of the variants that are tried (vectors of 256 and 512 bits, blocks of 16 and 32
+//! pixels, every compiler given) the fastest counts. Colours are compared: those of
+//! `alike` and of C are the same to the bit, or the bench fails.
+//!
+//! `fresh` is what it takes to judge an expression that was never seen on the training
+//! set, all pixels at radius 10, in milliseconds: planning, compiling and running,
+//! against exporting, compiling, loading and running the fastest variant.
+
+mod compiled;
+
+use std::hint::black_box;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Parser;
+use tamis::backend::{Backend, Executable, Filtered, Interpreter, Jit, Rect, Width, oracle};
+use tamis::expr::{Tree, codebook};
+use tamis::plan::{Filter, Passes, Plan, Source, Stage, Window};
+use tamis::report::{Align, Format, Table, number};
+use tamis::scene::{Facts, LoadOptions, Needs, Scene, discover};
+
+use compiled::{Nest, Supply, Variant};
+
+/// The validation radius of the planning measurements.
+const RADIUS: u32 = 8;
+/// The radius that expressions are bred with.
+const BREEDING_RADIUS: u32 = 10;
+const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/data");
+
+/// Back ends, and compilers, compared.
+#[derive(Parser)]
+struct Arguments {
+    /// C compilers to compare with
+    #[arg(long, num_args = 1..)]
+    cc: Vec<PathBuf>,
+
+    /// Measurements of each
+    #[arg(long, default_value_t = 7)]
+    rounds: usize,
+
+    /// Given by cargo; without it this only checks that the bench runs
+    #[arg(long)]
+    bench: bool,
+}
+
+/// What all filters are measured with.
+struct Setting {
+    arguments: Arguments,
+    scene: Scene,
+    facts: Facts,
+    jits: Vec<Jit>,
+    /// The training set, and what holds of all of it.
+    training: Vec<Scene>,
+    joint: Facts,
+}
+
+struct Row {
+    name: String,
+    nodes: f64,
+    interp: f64,
+    /// By width.
+    jit: Vec<f64>,
+    compile_ms: [f64; 2],
+    error: f64,
+    rivalry: Option<Rivalry>,
+}
+
+/// Machine code against compilers.
+struct Rivalry {
+    alike: f64,
+    compiled: f64,
+    /// Which variant was fastest.
+    variant: String,
+    plan_ms: f64,
+    compiled_ms: f64,
+    fresh: f64,
+    compiled_fresh: f64,
+}
+
+fn median(mut samples: Vec<f64>) -> f64 {
+    samples.sort_by(f64::total_cmp);
+    samples[samples.len() / 2]
+}
+
+/// What a function gives, and the milliseconds that it takes.
+fn timed<T>(run: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = black_box(run());
+    (result, start.elapsed().as_secs_f64() * 1e3)
+}
+
+fn run(code: &dyn Executable, scene: &Scene, rect: Rect) -> Filtered {
+    code.run(scene, &[rect]).expect("the plan was made for this scene").swap_remove(0)
+}
+
+/// The greatest difference from the exact filter in the middle row.
+fn error(scene: &Scene, weight: &Tree, code: &dyn Executable) -> f64 {
+    let window = Window::dense(RADIUS);
+    let stage = Stage { weight: weight.clone(), window, source: Source::Color };
+    let (width, height) = (scene.layout().width(), scene.layout().height());
+    let rect = Rect { x: 0, y: height / 2, width, height: 1 };
+    let got = run(code, scene, rect);
+    let exact = oracle::filter(scene, &stage, rect);
+    let promised = got.pixels.iter().zip(&exact).filter(|(_, exact)| exact.is_promised());
+    promised.map(|(&got, exact)| exact.difference(got)).fold(0.0, f64::max)
+}
+
+/// What `export` makes of a weight: one tape, for any scene.
+fn exported_plan(weight: &Tree, radius: u32) -> Plan {
+    let passes = Passes { rate: false, symmetry: false, ..Passes::ALL };
+    Plan::new(std::slice::from_ref(weight), Window::dense(radius), &Facts::of_any_scene(), passes)
+        .expect("any scene has what the grammar knows")
+}
+
+impl Setting {
+    fn new(arguments: Arguments) -> Self {
+        let load = |path: &Path, radius: u32| {
+            Scene::load(path, &Needs::everything(), radius as usize, &LoadOptions::default())
+                .expect("the project's own scene")
+        };
+        let scene = load(&Path::new(DATA).join("test/courtyard/4spp.exr"), RADIUS);
+        let facts = Facts::of(&scene);
+        let widths = Width::ALL.into_iter();
+        let jits = widths.filter_map(|width| Jit::with_width(width).ok()).collect();
+        let training = discover(&[Path::new(DATA).join("train")]).expect("the training scenes");
+        let training: Vec<Scene> =
+            training.iter().map(|files| load(&files.noisy, BREEDING_RADIUS)).collect();
+        let joint = Facts::of_all(&training);
+        Self { arguments, scene, facts, jits, training, joint }
+    }
+
+    /// The widest code that the host runs.
+    fn widest(&self) -> &Jit {
+        self.jits.last().expect("128 bits are always to be had")
+    }
+
+    fn measure(&self, name: &str, weight: &Tree) -> Row {
+        let (scene, jits) = (&self.scene, &self.jits);
+        let window = Window::dense(RADIUS);
+        let plan = |facts| {
+            Plan::new(std::slice::from_ref(weight), window, facts, Passes::ALL)
+                .expect("the scene has every feature")
+        };
+        let own = plan(&self.facts);
+        let compile = |jit: &Jit| timed(|| jit.compile(&own).expect("a plan of moderate size"));
+        let rounds = 0..self.arguments.rounds;
+        let compile_ms = [&jits[0], self.widest()]
+            .map(|jit| median(rounds.clone().map(|_| compile(jit).1).collect()));
+        let mut codes = vec![Interpreter.compile(&own).expect("always possible")];
+        codes.extend(jits.iter().map(|jit| compile(jit).0));
+        let plan_ms = median(rounds.clone().map(|_| timed(|| plan(&self.facts)).1).collect());
+
+        let alike = exported_plan(weight, RADIUS);
+        let source = compiled::Source::new(&compiled::filter(weight, RADIUS));
+        let variants = || self.arguments.cc.iter().flat_map(|compiler| Variant::of(compiler));
+        let nests: Vec<(Nest<'_>, Variant)> =
+            variants().map(|variant| (source.compile(&variant), variant)).collect();
+        if !nests.is_empty() {
+            codes.push(self.widest().compile(&alike).expect("a plan of moderate size"));
+        }
+        let rect = Rect { x: 0, y: 60, width: scene.layout().width(), height: 64 };
+        let per_pair = 1e6 / (rect.pixels() * window.taps()) as f64;
+        let supply = Supply::new(scene);
+        let mut times = vec![Vec::new(); codes.len()];
+        let mut nest_times = vec![Vec::new(); nests.len()];
+        for _ in rounds {
+            for (code, times) in codes.iter().zip(&mut times) {
+                times.push(timed(|| run(&**code, scene, rect)).1 * per_pair);
+            }
+            for ((nest, _), times) in nests.iter().zip(&mut nest_times) {
+                let (sums, time) = timed(|| nest.sums(&supply, alike.taps().runs(), rect));
+                times.push(time * per_pair);
+                drop(sums);
+            }
+        }
+        let mut times = times.into_iter().map(median);
+        let interp = times.next().expect("the interpreter's");
+        let jit = times.by_ref().take(jits.len()).collect();
+        let rivalry = times.next().map(|alike_time| {
+            let expected = run(&**codes.last().expect("it was measured"), scene, rect).pixels;
+            for (nest, variant) in &nests {
+                let sums = nest.sums(&supply, alike.taps().runs(), rect);
+                for (color, expected) in nest.colors(&sums, rect).into_iter().zip(&expected) {
+                    let same = color.is_none_or(|color| color == *expected);
+                    assert!(same, "{} computes something else: {weight}", variant.name());
+                }
+            }
+            let nest_times = nest_times.into_iter().map(median).zip(&nests);
+            let (compiled, (_, variant)) =
+                nest_times.min_by(|(a, _), (b, _)| a.total_cmp(b)).expect("a compiler");
+            let compile = || timed(|| drop(source.compile(variant))).1;
+            Rivalry {
+                alike: alike_time,
+                compiled,
+                variant: variant.name(),
+                plan_ms,
+                compiled_ms: median((0..3).map(|_| compile()).collect()),
+                fresh: self.fresh(weight),
+                compiled_fresh: self.compiled_fresh(weight, variant),
+            }
+        });
+        let error = error(scene, weight, &*codes[1]);
+        let nodes = weight.len() as f64;
+        Row { name: name.to_owned(), nodes, interp, jit, compile_ms, error, rivalry }
+    }
+
+    /// Milliseconds to judge a weight on the training set, planning and compiling
+    /// included.
+    fn fresh(&self, weight: &Tree) -> f64 {
+        let judge = || {
+            let window = Window::dense(BREEDING_RADIUS);
+            let passes = Passes { converged: false, ..Passes::ALL };
+            let plan = Plan::new(std::slice::from_ref(weight), window, &self.joint, passes);
+            let plan = plan.expect("the training scenes have every feature");
+            let code = self.widest().compile(&plan).expect("a plan of moderate size");
+            for scene in &self.training {
+                black_box(run(&*code, scene, Rect::whole(scene)));
+            }
+        };
+        median((0..3).map(|_| timed(judge).1).collect())
+    }
+
+    /// The same with exported C.
+    fn compiled_fresh(&self, weight: &Tree, variant: &Variant) -> f64 {
+        let plan = exported_plan(weight, BREEDING_RADIUS);
+        let supplies: Vec<Supply<'_>> = self.training.iter().map(Supply::new).collect();
+        let judge = || {
+            let source = compiled::Source::new(&compiled::filter(weight, BREEDING_RADIUS));
+            let nest = source.compile(variant);
+            for (scene, supply) in self.training.iter().zip(&supplies) {
+                black_box(nest.sums(supply, plan.taps().runs(), Rect::whole(scene)));
+            }
+        };
+        median((0..3).map(|_| timed(judge).1).collect())
+    }
+
+    fn backends(&self, rows: &[Row]) -> Table {
+        let columns = ["filter".to_owned(), "interp".to_owned()]
+            .into_iter()
+            .chain(self.jits.iter().map(|jit| jit.width().bits().to_string()))
+            .chain(["widest / interp", "compile, ms", "widest, ms", "error"].map(str::to_owned));
+        let right = |(k, name)| (name, if k == 0 { Align::Left } else { Align::Right });
+        let mut table = Table::new(columns.enumerate().map(right));
+        for row in rows {
+            let [narrow, wide] = row.compile_ms;
+            let times = [row.interp].into_iter().chain(row.jit.iter().copied());
+            let mut cells = vec![row.name.clone()];
+            cells.extend(times.chain([row.widest() / row.interp, narrow, wide]).map(two_digits));
+            cells.push(number::difference(row.error));
+            table.row(cells);
+        }
+        table
+    }
+}
+
+impl Row {
+    fn widest(&self) -> f64 {
+        self.jit[self.jit.len() - 1]
+    }
+
+    /// The medians of rows.
+    fn median(rows: &[Self]) -> Self {
+        let of = |column: &dyn Fn(&Self) -> f64| median(rows.iter().map(column).collect());
+        let rivalry = |column: fn(&Rivalry) -> f64| {
+            let all = rows.iter().filter_map(|row| row.rivalry.as_ref());
+            median(all.map(column).collect())
+        };
+        Self {
+            name: "bred, median".to_owned(),
+            nodes: of(&|row| row.nodes),
+            interp: of(&|row| row.interp),
+            jit: (0..rows[0].jit.len()).map(|k| of(&|row| row.jit[k])).collect(),
+            compile_ms: [0, 1].map(|k| of(&|row| row.compile_ms[k])),
+            error: of(&|row| row.error),
+            rivalry: rows[0].rivalry.is_some().then(|| Rivalry {
+                alike: rivalry(|r| r.alike),
+                compiled: rivalry(|r| r.compiled),
+                variant: String::new(),
+                plan_ms: rivalry(|r| r.plan_ms),
+                compiled_ms: rivalry(|r| r.compiled_ms),
+                fresh: rivalry(|r| r.fresh),
+                compiled_fresh: rivalry(|r| r.compiled_fresh),
+            }),
+        }
+    }
+}
+
+fn compilers(rows: &[Row]) -> Table {
+    let left = ["filter"].map(|name| (name, Align::Left));
+    let right = [
+        "nodes",
+        "jit",
+        "alike",
+        "C",
+        "jit / C",
+        "alike / C",
+        "plan, ms",
+        "jit, ms",
+        "C, ms",
+        "fresh",
+        "C",
+        "C / jit",
+    ]
+    .map(|name| (name, Align::Right));
+    let fastest = [("fastest C", Align::Left)];
+    let mut table = Table::new(left.into_iter().chain(right).chain(fastest));
+    for row in rows {
+        let Some(rivalry) = &row.rivalry else { continue };
+        let figures = [row.widest(), rivalry.alike, rivalry.compiled]
+            .into_iter()
+            .chain([row.widest(), rivalry.alike].map(|time| time / rivalry.compiled))
+            .chain([rivalry.plan_ms, row.compile_ms[1]])
+            .map(two_digits);
+        let slow = [rivalry.compiled_ms, rivalry.fresh, rivalry.compiled_fresh];
+        let mut cells = vec![row.name.clone(), row.nodes.to_string()];
+        cells.extend(figures);
+        cells.extend(slow.map(number::milliseconds));
+        cells.push(two_digits(rivalry.compiled_fresh / rivalry.fresh));
+        cells.push(rivalry.variant.clone());
+        table.row(cells);
+    }
+    table
+}
+
+fn two_digits(x: f64) -> String {
+    format!("{x:.2}")
+}
+
+fn main() {
+    let arguments = Arguments::parse();
+    let once = !arguments.bench;
+    let rounds = arguments.rounds;
+    let setting = Setting::new(arguments);
+    let bred = include_str!("../../tests/fixture/bred.txt");
+    let bred: Vec<Tree> = bred
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(|text| text.parse().expect("bred trees are expressions"))
+        .collect();
+    let shipped = Filter::read(&Path::new(DATA).join("filters/tamis-2.toml"));
+    let shipped = shipped.expect("the project's own filter").stages.swap_remove(0).weight;
+    let mut named: Vec<(&str, &Tree)> =
+        codebook::known().iter().map(|known| (known.name, &known.weight)).collect();
+    named.push(("tamis-2", &shipped));
+    let few = if once { 1 } else { usize::MAX };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
+    let rows: Vec<Row> = pool.install(|| {
+        let named = named.iter().take(few).map(|(name, tree)| setting.measure(name, tree));
+        let mut rows: Vec<Row> = named.collect();
+        let bred: Vec<Row> = bred
+            .iter()
+            .zip(1..)
+            .take(few)
+            .map(|(tree, k)| setting.measure(&format!("bred {k}"), tree))
+            .collect();
+        let median = Row::median(&bred);
+        rows.extend(bred);
+        rows.push(median);
+        rows
+    });
+    println!(
+        "courtyard, radius {RADIUS}, one thread, ns per pixel pair, medians of {}\n\n{}",
+        number::plural(rounds, "interleaved round"),
+        setting.backends(&rows).render(Format::Markdown)
+    );
+    if rows[0].rivalry.is_some() {
+        println!("{}", compilers(&rows).render(Format::Markdown));
+    }
+}
