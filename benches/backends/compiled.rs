@@ -93,6 +93,11 @@ impl Source {
         let named = Filter { name: "bench".to_owned(), ..filter.clone() };
         let kernel = export::export(&named, Language::C, Precision::Exact).expect("one stage");
         let text = String::from_utf8(kernel).expect("C is text");
+        // A call, which compilers make of long functions, cannot be vectorised.
+        let text = ["float", "struct bench_features"].iter().fold(text, |text, kind| {
+            let inline = format!("static inline __attribute__((always_inline)) {kind} bench_");
+            text.replace(&format!("static {kind} bench_"), &inline)
+        });
         let line = |start: &str| {
             let found = text.lines().map(str::trim).find(|line| line.starts_with(start));
             found.unwrap_or_default()

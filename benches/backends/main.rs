@@ -154,6 +154,7 @@ impl Setting {
     }
 
     fn measure(&self, name: &str, weight: &Tree) -> Row {
+        eprintln!("{name}");
         let (scene, jits) = (&self.scene, &self.jits);
         let window = Window::dense(RADIUS);
         let plan = |facts| {
