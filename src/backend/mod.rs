@@ -24,6 +24,8 @@ pub mod gpu;
 mod interp;
 #[cfg(feature = "jit")]
 mod jit;
+#[cfg(test)]
+mod numerics;
 pub mod oracle;
 mod precision;
 #[cfg(feature = "gpu")]
