@@ -50,6 +50,7 @@
 //! - [`backend`]: interpreter, machine code, and the exact oracle.
 //! - [`evolve`]: the search.
 //! - [`export`]: filters as code and equations for others.
+//! - [`stress`]: whether a filter can be relied on.
 //!
 //! Floors and reasons are in `ARCHITECTURE.md`.
 
@@ -61,3 +62,4 @@ pub mod expr;
 pub mod plan;
 pub mod report;
 pub mod scene;
+pub mod stress;

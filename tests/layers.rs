@@ -4,8 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The floors, lowest first; rooms on one floor do not know each other.
-const FLOORS: &[&[&str]] =
-    &[&["expr"], &["scene"], &["plan"], &["backend"], &["evolve", "export", "report"], &["cli"]];
+const FLOORS: &[&[&str]] = &[
+    &["expr"],
+    &["scene"],
+    &["plan"],
+    &["backend"],
+    &["evolve", "export", "report", "stress"],
+    &["cli"],
+];
 
 fn floor(room: &str) -> Option<usize> {
     FLOORS.iter().position(|rooms| rooms.contains(&room))

@@ -110,6 +110,16 @@ pub enum Agreement {
     Budget(f64),
 }
 
+impl Agreement {
+    /// How far from the exact meaning results may be, where anything is promised.
+    pub fn bound(self) -> f64 {
+        match self {
+            Self::Bits => ACCURACY,
+            Self::Budget(budget) => budget,
+        }
+    }
+}
+
 /// Why a back end could not run a plan.
 #[derive(Debug, thiserror::Error)]
 pub enum BackendError {

@@ -5,7 +5,7 @@
 //!   *returns* its text (or bytes), and [`main`] prints it. Progress and remarks go to
 //!   stderr, through `Log`.
 //! - The exit status is 0 if the work is done, 1 if it failed, 2 if the command
-//!   line is wrong.
+//!   line is wrong. What [`stress`] finds may be bad enough for a 1, too.
 //! - Errors name the file or the option at fault and say what to do.
 //! - Files appear whole or not at all.
 //! - No result depends on the number of threads.
@@ -33,6 +33,7 @@ mod scenes;
 mod score;
 mod sheet;
 mod shipped;
+mod stress;
 
 use std::io::{self, Write};
 use std::num::NonZeroUsize;
@@ -87,6 +88,8 @@ enum Command {
     Score(score::Score),
     /// Measure run time against error: a table, a chart and JSON
     Bench(bench::Bench),
+    /// Certify that a filter is stable, or say why it is not
+    Stress(stress::Stress),
     /// Draw a scene noisy, filtered and clean, side by side
     Sheet(sheet::Sheet),
     /// List a file's channels, what they feed, and what is wrong with them
@@ -101,9 +104,23 @@ enum Command {
     Language(language::Language),
 }
 
+/// What a command found out.
+struct Report {
+    /// What is printed.
+    bytes: Vec<u8>,
+    /// Whether whoever looks at the exit status alone may go on.
+    good: bool,
+}
+
+impl From<Vec<u8>> for Report {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self { bytes, good: true }
+    }
+}
+
 impl Command {
     /// Does the work and returns what it found out.
-    fn run(&self, log: Log, started: Instant) -> Result<Vec<u8>, Error> {
+    fn run(&self, log: Log, started: Instant) -> Result<Report, Error> {
         let text = match self {
             Self::Denoise(command) => command.run(log, started),
             Self::Evolve(command) => command.run(log),
@@ -114,10 +131,11 @@ impl Command {
             Self::Inspect(command) => command.run(),
             Self::Filters(command) => command.run(),
             Self::Gpus(command) => command.run(),
-            Self::Export(command) => return command.run(),
+            Self::Export(command) => return command.run().map(Report::from),
+            Self::Stress(command) => return command.run(log),
             Self::Language(command) => command.run(),
         };
-        text.map(String::into_bytes)
+        text.map(|text| text.into_bytes().into())
     }
 }
 
@@ -127,7 +145,8 @@ pub fn main() -> ExitCode {
     let line = CommandLine::parse();
     let log = Log::new(line.quiet);
     match set_threads(line.threads).and_then(|()| line.command.run(log, started)).and_then(print) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
         Err(error) => {
             log.error(&error);
             ExitCode::from(error.status())
@@ -141,12 +160,13 @@ fn set_threads(threads: Option<NonZeroUsize>) -> Result<(), Error> {
     pool.build_global().map_err(|source| Error::Threads { threads, source })
 }
 
-fn print(found: Vec<u8>) -> Result<(), Error> {
+/// Prints a report, and returns whether it is a good one.
+fn print(Report { bytes, good }: Report) -> Result<bool, Error> {
     let mut stdout = io::stdout().lock();
-    match stdout.write_all(&found).and_then(|()| stdout.flush()) {
+    match stdout.write_all(&bytes).and_then(|()| stdout.flush()) {
         // Whoever reads has read enough (`tamis … | head`).
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        result => result.map_err(Error::Stdout),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(good),
+        result => result.map(|()| good).map_err(Error::Stdout),
     }
 }
 

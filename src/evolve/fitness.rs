@@ -35,6 +35,12 @@ pub trait Fitness: Sync {
         0.0
     }
 
+    /// Why an expression must not win, whatever its fitness, if there is a reason. It
+    /// wins all the same if nobody else may.
+    fn objection(&self, _tree: &Tree) -> Result<Option<String>, Self::Error> {
+        Ok(None)
+    }
+
     /// Judges expressions for breeding, but may drop those that cannot beat their
     /// bars. Each verdict must be a function of the entrant alone; `Full` values
     /// are those of [`evaluate`](Self::evaluate), `Dropped` ones not below the

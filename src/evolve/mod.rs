@@ -15,7 +15,8 @@
 //! 4. Every few generations each island's best migrates to the next
 //!    ([`islands`]).
 //! 5. The best of the whole run ([`hall`]) are judged in full at the end, and
-//!    the best of those that is computed accurately is the result.
+//!    the best of those that is computed accurately, and to which there is no other
+//!    objection, is the result.
 //!
 //! Where this goes beyond the paper it says so: the elite is never lost, ties go to
 //! the smaller tree, trees have a size limit, expressions that cannot win are dropped
@@ -85,7 +86,7 @@ pub use control::{Checkpoints, Control, Ending};
 pub use error::Error;
 pub use event::Event;
 pub use fitness::Fitness;
-pub use images::{Coverage, ImageFitness, TrainingScene};
+pub use images::{Coverage, ImageFitness, Objection, TrainingScene};
 pub use individual::Individual;
 pub use race::{Bar, Entrant, Ruling, Verdict, Work};
 pub use search::{Finalist, Outcome, Search};

@@ -37,6 +37,8 @@ pub struct Finalist {
     /// How far what is computed for it is from what it means; none if somebody before
     /// it won.
     pub difference: Option<f64>,
+    /// Why it must not win, if it is close enough and that was found.
+    pub objection: Option<String>,
 }
 
 /// What a run found.
@@ -44,8 +46,8 @@ pub struct Finalist {
 pub struct Outcome {
     /// The hall of fame judged in full, the best first. Never empty.
     pub finalists: Vec<Finalist>,
-    /// Which of them wins: the first that is computed accurately enough. If none is,
-    /// the most accurate.
+    /// Which of them wins: the first that is computed accurately enough and to which
+    /// there is no objection. If there is none, the most accurate.
     pub winner: usize,
     /// The islands after the last complete generation; none if the run was
     /// stopped within the initial one.
@@ -65,7 +67,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// The best of the finalists that is computed accurately.
+    /// The best of the finalists that is computed accurately and not objected to.
     pub fn best(&self) -> &Finalist {
         &self.finalists[self.winner]
     }
@@ -298,11 +300,13 @@ impl<'a, F: Fitness> Search<'a, F> {
             bred,
             full: judged.fitness,
             difference: None,
+            objection: None,
         };
         Ok(ranked.into_iter().map(finalist).collect())
     }
 
-    /// Compares finalists with their exact meanings until one is close enough.
+    /// Compares finalists with their exact meanings until one is close enough, and
+    /// nothing else is to be said against it.
     fn winner(
         &self,
         finalists: &mut [Finalist],
@@ -311,11 +315,14 @@ impl<'a, F: Fitness> Search<'a, F> {
         let mut closest = (0, f64::INFINITY);
         for (rank, finalist) in finalists.iter_mut().enumerate() {
             listener(Event::Comparison { rank });
-            let difference = self.fitness.difference(&finalist.tree);
-            let difference = difference.map_err(|error| Error::Fitness(Box::new(error)))?;
+            let failed = |error| Error::Fitness(Box::new(error));
+            let difference = self.fitness.difference(&finalist.tree).map_err(failed)?;
             finalist.difference = Some(difference);
             if difference <= self.fitness.tolerance() {
-                return Ok(rank);
+                finalist.objection = self.fitness.objection(&finalist.tree).map_err(failed)?;
+                if finalist.objection.is_none() {
+                    return Ok(rank);
+                }
             }
             if difference < closest.1 {
                 closest = (rank, difference);

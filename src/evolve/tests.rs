@@ -308,6 +308,42 @@ fn the_first_finalist_that_is_accurate_wins() {
     assert_eq!(all.winner, 0);
 }
 
+/// Objects to every expression but one.
+struct Partial {
+    within: Regression,
+    favourite: Option<Tree>,
+}
+
+impl Fitness for Partial {
+    type Error = Infallible;
+
+    fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Infallible> {
+        self.within.evaluate(trees)
+    }
+
+    fn objection(&self, tree: &Tree) -> Result<Option<String>, Infallible> {
+        Ok((self.favourite.as_ref() != Some(tree)).then(|| format!("not {tree}")))
+    }
+
+    fn identity(&self) -> String {
+        self.within.identity()
+    }
+}
+
+#[test]
+fn the_first_finalist_without_an_objection_wins() {
+    let none = search(&small(), &Partial { within: Regression::new(), favourite: None });
+    assert_eq!(none.winner, 0);
+    assert!(none.finalists.iter().all(|finalist| finalist.objection.is_some()));
+
+    let favourite = none.finalists[2].tree.clone();
+    let some = Partial { within: Regression::new(), favourite: Some(favourite.clone()) };
+    let outcome = search(&small(), &some);
+    assert_eq!((outcome.winner, &outcome.best().tree), (2, &favourite));
+    let objections = outcome.finalists.iter().map(|finalist| finalist.objection.is_some());
+    assert!(objections.take(4).eq([true, true, false, false]), "{:?}", outcome.finalists);
+}
+
 #[test]
 fn a_time_limit_of_nothing_still_gives_a_best_so_far() {
     let fitness = Regression::new();

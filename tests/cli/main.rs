@@ -5,6 +5,7 @@ mod exports;
 mod frames;
 mod place;
 mod search;
+mod stress;
 
 use std::fs;
 use std::process::Stdio;

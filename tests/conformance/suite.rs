@@ -2,7 +2,7 @@
 //! tapes (bit for bit where it promises that) and to the exact meaning of the
 //! trees in f64, within what it promises.
 
-use tamis::backend::{ACCURACY, Agreement, Backend, Filtered, Interpreter, Rect, oracle};
+use tamis::backend::{Agreement, Backend, Filtered, Interpreter, Rect, oracle};
 use tamis::expr::tape::{Axis, Input, Side};
 use tamis::expr::{Feature, Op, Quantity, Symbol, Tree, codebook};
 use tamis::plan::{PASSES, Passes, Plan, Source, Stage, Window};
@@ -155,10 +155,7 @@ pub(crate) fn run(backend: &dyn Backend, plan: &Plan, scene: &Scene) -> Vec<Filt
 
 /// The greatest relative difference from the exact filter that a back end may show.
 fn accuracy(backend: &dyn Backend) -> f64 {
-    match backend.agreement() {
-        Agreement::Bits => ACCURACY,
-        Agreement::Budget(budget) => budget,
-    }
+    backend.agreement().bound()
 }
 
 /// Holds a back end to the scalar meaning and to the oracle on one weight.

@@ -20,13 +20,16 @@ use super::measure::Measuring;
 use super::{resolve, scenes};
 use crate::backend::Backend;
 use crate::evolve::{
-    Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Preset, Search,
-    Settings, TrainingScene, history,
+    Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Objection, Outcome, Preset,
+    Search, Settings, TrainingScene, history,
 };
 use crate::expr::{Feature, PlaneId, codebook};
-use crate::plan::{Filter, Passes, Window};
+use crate::plan::{Filter, Passes, Source, Stage, Window};
 use crate::report::{Format, ScoreTable, Total, number};
-use crate::scene::{Fact, Facts, Image, LoadOptions, Needs, Scene, SceneFiles, write_atomically};
+use crate::scene::{
+    Fact, Facts, Image, LoadOptions, Needs, RawScene, Scene, SceneFiles, write_atomically,
+};
+use crate::stress::{Engine, Ground, SEED, certify};
 use parameters::Parameters;
 use progress::Progress;
 use record::Origin;
@@ -89,6 +92,11 @@ pub(super) struct Evolve {
     #[arg(long, value_name = "N", default_value_t = 5)]
     checkpoint_every: u32,
 
+    /// Let no finalist win that `tamis stress` finds unstable on the training scenes;
+    /// takes about a minute for each that is tried
+    #[arg(long)]
+    require_stable: bool,
+
     #[command(flatten)]
     parameters: Parameters,
 }
@@ -128,6 +136,10 @@ impl Evolve {
             .together(settings.together)
             .minimizing(settings.error)
             .racing(&settings.racing, settings.seed);
+        let fitness = match self.require_stable {
+            true => fitness.objecting(instability(&files, window, &*backend)?),
+            false => fitness,
+        };
         let mut search = match checkpoint {
             Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), &fitness)?,
             None => Search::new(settings.clone(), &fitness)?,
@@ -141,6 +153,9 @@ impl Evolve {
                 number::difference(fitness.tolerance()),
                 number::difference(difference),
             ));
+        }
+        if let Some(objection) = &best.objection {
+            log.say(format_args!("warning: no finalist is stable; of the result: {objection}"));
         }
         self.report(&settings, &outcome, &*backend, &files, log)
     }
@@ -254,6 +269,27 @@ fn load(files: &[SceneFiles], settings: &Settings, log: Log) -> Result<Vec<Train
         training.push(TrainingScene::new(noisy, Image::load(&scene.reference)?)?);
     }
     Ok(training)
+}
+
+/// Says of expressions why they are unstable on the scenes, if they are.
+fn instability<'a>(
+    files: &[SceneFiles],
+    window: Window,
+    backend: &'a dyn Backend,
+) -> Result<Box<Objection<'a>>, Error> {
+    let read = |scene: &SceneFiles| {
+        let raw = RawScene::read(&scene.noisy, &Needs::everything(), &LoadOptions::default())?;
+        Ok(Ground::real(raw))
+    };
+    let grounds = files.iter().map(read).collect::<Result<Vec<Ground>, Error>>()?;
+    Ok(Box::new(move |tree| {
+        let stage = Stage { weight: tree.clone(), window, source: Source::Color };
+        let engine = Engine { name: backend.name().to_owned(), backend: Ok(backend) };
+        match certify("finalist", &stage, &grounds, &[engine], SEED) {
+            Ok(certificate) => certificate.objection().map(str::to_owned),
+            Err(error) => Some(error.to_string()),
+        }
+    }))
 }
 
 /// Takes what some scene lacks out of the search's vocabulary: a filter that

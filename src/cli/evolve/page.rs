@@ -62,6 +62,11 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
         ]);
     }
     page.push_str(&table.render(Format::Markdown));
+    for (finalist, rank) in outcome.finalists.iter().zip(1..) {
+        if let Some(objection) = &finalist.objection {
+            let _ = writeln!(page, "\nFinalist {rank} is unstable: {objection}.");
+        }
+    }
 
     page.push_str("\n## Course\n\nBest error per island while breeding.\n\n");
     page.push_str(&course(outcome, origin.settings.islands));

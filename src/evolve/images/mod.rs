@@ -72,7 +72,12 @@ pub struct ImageFitness<'a> {
     measure: Measure,
     /// Where races are run; without one every entrant is judged in full.
     course: Option<Course>,
+    /// Why an expression must not win.
+    objection: Option<Box<Objection<'a>>>,
 }
+
+/// Says why an expression must not win, if it must not.
+pub type Objection<'a> = dyn Fn(&Tree) -> Option<String> + Sync + 'a;
 
 /// Why an expression could not be judged in a report.
 #[derive(Debug, thiserror::Error)]
@@ -111,7 +116,8 @@ impl<'a> ImageFitness<'a> {
         // plan and filtered in another, and little in training scenes is.
         let passes = Passes { converged: false, ..Passes::ALL };
         let batching = Batching { backend, facts, window, passes, together: TOGETHER };
-        Self { scenes, samples, coverage, batching, measure: Measure::RelMse, course: None }
+        let measure = Measure::RelMse;
+        Self { scenes, samples, coverage, batching, measure, course: None, objection: None }
     }
 
     /// The same, judging so many expressions in one plan; the values are the same.
@@ -136,6 +142,13 @@ impl<'a> ImageFitness<'a> {
             deviations: racing.deviations,
             known: Mutex::default(),
         });
+        self
+    }
+
+    /// The same, letting nobody win to whom there is an objection.
+    #[must_use]
+    pub fn objecting(mut self, objection: Box<Objection<'a>>) -> Self {
+        self.objection = Some(objection);
         self
     }
 
@@ -218,6 +231,10 @@ impl Fitness for ImageFitness<'_> {
 
     fn tolerance(&self) -> f64 {
         exact::TOLERANCE
+    }
+
+    fn objection(&self, tree: &Tree) -> Result<Option<String>, Self::Error> {
+        Ok(self.objection.as_ref().and_then(|objection| objection(tree)))
     }
 
     fn race(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Self::Error> {

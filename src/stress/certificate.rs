@@ -1,0 +1,85 @@
+//! What was measured, with the verdict.
+
+use serde::Serialize;
+
+use super::accuracy::Scene;
+use super::behaviour::Behaviour;
+use super::invariance::Invariance;
+use super::sensitivity::Sensitivity;
+use super::verdict::{Reason, Verdict, reasons};
+use super::{Engine, Stage};
+
+/// A filter's stability certificate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Certificate {
+    /// The filter's name.
+    pub filter: String,
+    /// Its weight.
+    pub weight: String,
+    /// Radius of its window.
+    pub radius: u32,
+    /// Names the random numbers that scenes and noise are made of.
+    pub seed: u64,
+    /// The gravest of the reasons.
+    pub verdict: Verdict,
+    /// What is wrong with the filter, the gravest first; nothing if it is stable.
+    pub reasons: Vec<Reason>,
+    /// What ran the filter.
+    pub engines: Vec<EngineEntry>,
+    /// Accuracy and guards, scene by scene.
+    pub scenes: Vec<Scene>,
+    /// What noise does: per scene, feature and kind of noise.
+    pub sensitivity: Vec<Sensitivity>,
+    /// What units and orientation do: per scene and change.
+    pub invariance: Vec<Invariance>,
+    /// What becomes of bad features.
+    pub behaviour: Vec<Behaviour>,
+}
+
+/// What was to run the filter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EngineEntry {
+    /// Its name.
+    pub name: String,
+    /// How far from exact it may be.
+    pub bound: Option<f64>,
+    /// Why it is not there, if it is not.
+    pub absent: Option<String>,
+}
+
+impl Certificate {
+    /// One without figures.
+    pub(super) fn new(filter: &str, stage: &Stage, engines: &[Engine<'_>], seed: u64) -> Self {
+        let entry = |engine: &Engine<'_>| EngineEntry {
+            name: engine.name.clone(),
+            bound: engine.backend.as_ref().ok().map(|backend| backend.agreement().bound()),
+            absent: engine.backend.as_ref().err().cloned(),
+        };
+        Self {
+            filter: filter.to_owned(),
+            weight: stage.weight.to_string(),
+            radius: stage.window.radius,
+            seed,
+            verdict: Verdict::Stable,
+            reasons: Vec::new(),
+            engines: engines.iter().map(entry).collect(),
+            scenes: Vec::new(),
+            sensitivity: Vec::new(),
+            invariance: Vec::new(),
+            behaviour: Vec::new(),
+        }
+    }
+
+    /// Gives the figures a verdict.
+    pub(super) fn judge(&mut self) {
+        self.reasons = reasons(self);
+        let gravest = self.reasons.iter().map(|reason| reason.verdict).max();
+        self.verdict = gravest.unwrap_or(Verdict::Stable);
+    }
+
+    /// Why the filter should not be used, if it should not.
+    pub fn objection(&self) -> Option<&str> {
+        let gravest = self.reasons.first().filter(|reason| reason.verdict == Verdict::Unstable);
+        gravest.map(|reason| reason.text.as_str())
+    }
+}
