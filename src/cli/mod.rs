@@ -5,7 +5,7 @@
 //!   *returns* its text (or bytes), and [`main`] prints it. Progress and remarks go to
 //!   stderr, through `Log`.
 //! - The exit status is 0 if the work is done, 1 if it failed, 2 if the command
-//!   line is wrong. What [`stress`] finds may be bad enough for a 1, too.
+//!   line is wrong. What `stress` finds may be bad enough for a 1, too.
 //! - Errors name the file or the option at fault and say what to do.
 //! - Files appear whole or not at all.
 //! - No result depends on the number of threads.
