@@ -149,7 +149,7 @@ impl Code {
                 let magnitudes = u64::from(LIMIT.to_bits()) + 1;
                 let every = |k: u64| {
                     let magnitude = f32::from_bits((k / 2) as u32);
-                    point([if k % 2 == 0 { magnitude } else { -magnitude }])
+                    point([if k.is_multiple_of(2) { magnitude } else { -magnitude }])
                 };
                 (2 * magnitudes, self.check_all(2 * magnitudes, every))
             }
@@ -194,14 +194,14 @@ impl Code {
             (_, Form::Unary(_)) => point([any(0)]),
             // Random bit patterns seldom have a power that is neither 0 nor clamped: four of
             // five exponents are made so that the power's magnitude is any.
-            (Op::Pow, _) if k % 5 != 0 => {
+            (Op::Pow, _) if !k.is_multiple_of(5) => {
                 let x = match k % 5 {
                     1 => any(0).abs(),
                     2 => 1.0 + random(0).between(-0.7, 0.7).powi(9) as f32,
                     3 => random(0).between(0.0, 4.0) as f32,
                     _ => random(0).between(0.7, 1.45) as f32,
                 };
-                let x = if random(2).mixed() % 2 == 0 { x } else { -x };
+                let x = if random(2).mixed().is_multiple_of(2) { x } else { -x };
                 let y = random(1).between(-130.0, 62.0) / f64::from(x).abs().log2();
                 point([x, y.clamp(-1e18, 1e18) as f32])
             }
@@ -210,12 +210,12 @@ impl Code {
             (_, Form::Binary(_)) => {
                 let x = any(0);
                 let near = x * (1.0 + random(1).between(-1e-3, 1e-3) as f32);
-                point([x, if k % 2 == 0 { any(1) } else { near.clamp(-LIMIT, LIMIT) }])
+                point([x, if k.is_multiple_of(2) { any(1) } else { near.clamp(-LIMIT, LIMIT) }])
             }
             (_, Form::Vectors(_)) => {
                 let mut point: Point =
                     std::array::from_fn(|c| random(c as u64).between(-1.0, 1.0) as f32);
-                if k % 2 == 0 {
+                if k.is_multiple_of(2) {
                     let scale = random(2 * COMPONENTS as u64).between(-60.0, 0.0).exp2();
                     for c in 0..COMPONENTS {
                         point[COMPONENTS + c] = (f64::from(point[c])

@@ -1,7 +1,5 @@
 //! `stress`.
 
-use std::path::Path;
-
 use serde_json::Value;
 
 use crate::place::{EDGE_AWARE, Place, json, stderr};
