@@ -89,8 +89,9 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    pub(crate) fn new(filter: &Filter) -> Self {
-        let named = Filter { name: "bench".to_owned(), ..filter.clone() };
+    pub(crate) fn new(weight: &Tree, radius: u32) -> Self {
+        // The name that the nest knows.
+        let named = Filter::single("bench", weight.clone(), radius);
         let kernel = export::export(&named, Language::C, Precision::Exact).expect("one stage");
         let text = String::from_utf8(kernel).expect("C is text");
         // A call, which compilers make of long functions, cannot be vectorised.
@@ -249,9 +250,4 @@ impl Nest<'_> {
     fn width(&self, rect: Rect) -> usize {
         rect.width.next_multiple_of(32)
     }
-}
-
-/// A weight as a filter to export.
-pub(crate) fn filter(weight: &Tree, radius: u32) -> Filter {
-    Filter::single("bench", weight.clone(), radius)
 }

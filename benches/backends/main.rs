@@ -171,7 +171,7 @@ impl Setting {
         let plan_ms = median(rounds.clone().map(|_| timed(|| plan(&self.facts)).1).collect());
 
         let alike = exported_plan(weight, RADIUS);
-        let source = compiled::Source::new(&compiled::filter(weight, RADIUS));
+        let source = compiled::Source::new(weight, RADIUS);
         let variants = || self.arguments.cc.iter().flat_map(|compiler| Variant::of(compiler));
         let nests: Vec<(Nest<'_>, Variant)> =
             variants().map(|variant| (source.compile(&variant), variant)).collect();
@@ -245,7 +245,7 @@ impl Setting {
         let plan = exported_plan(weight, BREEDING_RADIUS);
         let supplies: Vec<Supply<'_>> = self.training.iter().map(Supply::new).collect();
         let judge = || {
-            let source = compiled::Source::new(&compiled::filter(weight, BREEDING_RADIUS));
+            let source = compiled::Source::new(weight, BREEDING_RADIUS);
             let nest = source.compile(variant);
             for (scene, supply) in self.training.iter().zip(&supplies) {
                 black_box(nest.sums(supply, plan.taps().runs(), Rect::whole(scene)));

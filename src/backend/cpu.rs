@@ -503,7 +503,7 @@ fn per_tap(tape: &Program, offsets: &[[i32; 2]]) -> Vec<f32> {
     table
 }
 
-/// Runs a program once, compiled for the host's vector units.
+/// A run of a program, compiled for the host's vector units.
 ///
 /// It takes a type of its own, not a closure: only a method can be told to be
 /// inlined into the code that has those units enabled, and arithmetic that is
@@ -524,7 +524,8 @@ impl pulp::WithSimd for Dispatch<'_> {
     }
 }
 
-fn run(program: &Program, inputs: &[Arg<'_>], slots: &mut Slots, chunks: usize) {
+/// Runs a program on some chunks.
+pub(super) fn run(program: &Program, inputs: &[Arg<'_>], slots: &mut Slots, chunks: usize) {
     pulp::Arch::new().dispatch(Dispatch { program, inputs, slots, chunks });
 }
 

@@ -16,8 +16,10 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 
 use super::block::{Arg, Chunk, LANES, Program, Slots};
+use super::cpu::run;
 use crate::expr::Op;
 use crate::expr::builder::{Builder, LIMIT, Rules};
+use crate::expr::elementary::suite::{Random, probes};
 use crate::expr::function::{Budget, ulp};
 use crate::expr::interval::Interval;
 use crate::expr::op::Form;
@@ -109,7 +111,7 @@ impl Code {
             .collect();
         let inputs: Vec<Arg<'_>> = columns.iter().map(|column| Arg::Block(column)).collect();
         let chunks = points.len().div_ceil(LANES);
-        pulp::Arch::new().dispatch(Run { program: &self.program, inputs: &inputs, slots, chunks });
+        run(&self.program, &inputs, slots, chunks);
         let result = self.program.result(0, &inputs, slots);
         let budget = self.op.budget();
         let mut worst = Worst::default();
@@ -188,39 +190,37 @@ impl Code {
 
     /// The `k`-th random point.
     fn random(&self, k: u64) -> Point {
-        let random = |salt: u64| Bits(k.wrapping_mul(2 * COMPONENTS as u64 + 2).wrapping_add(salt));
-        let any = |salt: u64| random(salt).any();
+        let mut random = Random::stream(k);
         match (self.op, self.op.row().form) {
-            (_, Form::Unary(_)) => point([any(0)]),
+            (_, Form::Unary(_)) => point([random.any()]),
             // Random bit patterns seldom have a power that is neither 0 nor clamped: four of
             // five exponents are made so that the power's magnitude is any.
             (Op::Pow, _) if !k.is_multiple_of(5) => {
                 let x = match k % 5 {
-                    1 => any(0).abs(),
-                    2 => 1.0 + random(0).between(-0.7, 0.7).powi(9) as f32,
-                    3 => random(0).between(0.0, 4.0) as f32,
-                    _ => random(0).between(0.7, 1.45) as f32,
+                    1 => random.any().abs(),
+                    2 => 1.0 + random.between(-0.7, 0.7).powi(9) as f32,
+                    3 => random.between(0.0, 4.0) as f32,
+                    _ => random.between(0.7, 1.45) as f32,
                 };
-                let x = if random(2).mixed().is_multiple_of(2) { x } else { -x };
-                let y = random(1).between(-130.0, 62.0) / f64::from(x).abs().log2();
+                let y = random.between(-130.0, 62.0) / f64::from(x).abs().log2();
+                let x = x.copysign(random.any());
                 point([x, y.clamp(-1e18, 1e18) as f32])
             }
             // Near each other, every other time, where differences and quotients are near
             // 0 and 1.
             (_, Form::Binary(_)) => {
-                let x = any(0);
-                let near = x * (1.0 + random(1).between(-1e-3, 1e-3) as f32);
-                point([x, if k.is_multiple_of(2) { any(1) } else { near.clamp(-LIMIT, LIMIT) }])
+                let (x, any) = (random.any(), random.any());
+                let near = x * (1.0 + random.between(-1e-3, 1e-3) as f32);
+                point([x, if k.is_multiple_of(2) { any } else { near.clamp(-LIMIT, LIMIT) }])
             }
             (_, Form::Vectors(_)) => {
-                let mut point: Point =
-                    std::array::from_fn(|c| random(c as u64).between(-1.0, 1.0) as f32);
+                let mut point: Point = std::array::from_fn(|_| random.between(-1.0, 1.0) as f32);
                 if k.is_multiple_of(2) {
-                    let scale = random(2 * COMPONENTS as u64).between(-60.0, 0.0).exp2();
+                    let scale = random.between(-60.0, 0.0).exp2();
                     for c in 0..COMPONENTS {
-                        point[COMPONENTS + c] = (f64::from(point[c])
-                            + scale * f64::from(point[COMPONENTS + c]))
-                        .clamp(-1.0, 1.0) as f32;
+                        let step = scale * f64::from(point[COMPONENTS + c]);
+                        point[COMPONENTS + c] =
+                            (f64::from(point[c]) + step).clamp(-1.0, 1.0) as f32;
                     }
                 }
                 point
@@ -231,23 +231,6 @@ impl Code {
 
 fn point<const N: usize>(operands: [f32; N]) -> Point {
     std::array::from_fn(|k| operands.get(k).copied().unwrap_or(0.0))
-}
-
-/// A program over some chunks; a type, as in `interp`.
-struct Run<'a> {
-    program: &'a Program,
-    inputs: &'a [Arg<'a>],
-    slots: &'a mut Slots,
-    chunks: usize,
-}
-
-impl pulp::WithSimd for Run<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        self.program.run(self.inputs, self.slots, self.chunks);
-    }
 }
 
 /// How far results are off, at worst.
@@ -273,47 +256,6 @@ impl Worst {
     fn or(self, other: Self) -> Self {
         Self { ulp: self.ulp.max(other.ulp), absolute: self.absolute.max(other.absolute) }
     }
-}
-
-/// SplitMix64 (Steele, Lea, Flood 2014) of a number.
-struct Bits(u64);
-
-impl Bits {
-    fn mixed(&self) -> u64 {
-        let z = self.0.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Any value within ±LIMIT, uniform in its bits.
-    fn any(&self) -> f32 {
-        let bits = self.mixed();
-        let magnitude = f32::from_bits(bits as u32 % (LIMIT.to_bits() + 1));
-        if bits >> 63 == 0 { magnitude } else { -magnitude }
-    }
-
-    fn between(&self, lo: f64, hi: f64) -> f64 {
-        lo + (hi - lo) * (self.mixed() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
-
-/// Zeros, subnormals, breakpoints, ends of domains and integers, each with its
-/// neighbours, in both signs.
-fn probes() -> Vec<f32> {
-    let places = [0.0, f32::MIN_POSITIVE, 1e-42, 1e-30, 1e-18, 1e-9, 1e-4, 0.5, 1.0, 10.0 / 7.0];
-    let ends = [41.446_53, 87.336_5, 88.0, 103.97, 126.0, 149.0, 1e5, 8_388_608.0, 1e9, LIMIT];
-    let turns = (1..=8).map(|k| k as f32 * std::f32::consts::FRAC_PI_4);
-    let integers = (2..=9).map(|k| k as f32);
-    places
-        .into_iter()
-        .chain(ends)
-        .chain(turns)
-        .chain(integers)
-        .flat_map(|x| [x.next_down().abs(), x, x.next_up()])
-        .filter(|x| *x <= LIMIT)
-        .flat_map(|x| [x, -x])
-        .collect()
 }
 
 /// What CORE-MATH gives for a meaning; none where the language departs from

@@ -36,17 +36,17 @@
 //! | `sqrt` | 2 | 0.500 | 0.5 ulp |
 //! | `pow` | 56 | 2.130 | 3.5 ulp, or 1.1e-19 for what subnormal bases give |
 //!
-//! The ignored tests measure it again, some minutes per function:
+//! An ignored test measures it again:
 //!
 //! ```text
-//! RUSTFLAGS=-Ctarget-cpu=native cargo test --release every_float -- --ignored --nocapture
+//! cargo test --release --lib numerics -- --ignored --nocapture
 //! ```
 
 mod exp;
 mod inverse;
 mod power;
 #[cfg(test)]
-pub(super) mod suite;
+pub(crate) mod suite;
 mod trig;
 
 pub use exp::EXP;

@@ -19,24 +19,14 @@ type Row = [f32; LANES];
 
 const EVERYTHING: Interval = Interval { lo: -LIMIT, hi: LIMIT };
 
-/// The tests of unary functions, as `name: CONSTANT`: one that always runs, and one
-/// over every `f32`, ignored unless asked for.
+/// The tests of unary functions, as `name: CONSTANT`. Over every `f32` they are checked
+/// by `backend::numerics`, which is fast enough for that.
 macro_rules! conforms {
     ($($name:ident: $function:ident)*) => {
         $(#[test]
         fn $name() {
             $crate::expr::elementary::suite::check($function);
         })*
-
-        /// For the table in the module's documentation.
-        mod every_float {
-            use super::*;
-            $(#[test]
-            #[ignore = "takes minutes"]
-            fn $name() {
-                $crate::expr::elementary::suite::check_all(stringify!($name), $function);
-            })*
-        }
     };
 }
 pub(in crate::expr) use conforms;
@@ -60,16 +50,6 @@ pub(in crate::expr) fn check(f: Unary) {
             assert!(range.contains(got), "f({x:e}) = {got:e} is outside {range:?} on {interval:?}");
         }
     }
-}
-
-/// Checks a unary function on every `f32` within ±[`LIMIT`] and prints its row.
-pub(in crate::expr) fn check_all(name: &str, f: Unary) {
-    let mut all = (0..=LIMIT.to_bits()).flat_map(|k| [f32::from_bits(k), -f32::from_bits(k)]);
-    let blocks = std::iter::from_fn(|| {
-        let block: Vec<f32> = all.by_ref().take(LANES).collect();
-        (!block.is_empty()).then_some(block)
-    });
-    println!("{name}: {}", unary_blocks(f, blocks));
 }
 
 /// Checks a binary function on pairs of probes, on random pairs of bit patterns
@@ -277,7 +257,7 @@ fn apply(prim: Prim, rows: &[Row], args: [Value; 4], out: &mut Row) {
 
 /// Where functions break: zeros, subnormals, breakpoints and the domain's ends,
 /// each with its neighbours, and integers; in both signs.
-fn probes() -> Vec<f32> {
+pub(crate) fn probes() -> Vec<f32> {
     use std::f32::consts::PI;
     let places = [0.0, f32::MIN_POSITIVE, 1e-18, 1e-9, 1e-4, 0.5, 1.0, 8.0 / 7.0, 10.0 / 7.0, 2.0];
     let turns = (1..=12).map(|k| k as f32 * (PI / 4.0));
@@ -296,9 +276,14 @@ fn probes() -> Vec<f32> {
 
 /// SplitMix64 (Steele, Lea, Flood 2014): the probes stay what they are whatever
 /// crate of random numbers the project uses.
-pub(in crate::expr) struct Random(u64);
+pub(crate) struct Random(u64);
 
 impl Random {
+    /// A stream of its own for a number: eight values, before the next one's begin.
+    pub(crate) fn stream(k: u64) -> Self {
+        Self(k.wrapping_mul(8).wrapping_mul(0x9e37_79b9_7f4a_7c15))
+    }
+
     fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -308,13 +293,13 @@ impl Random {
     }
 
     /// Uniform in [lo, hi).
-    pub(in crate::expr) fn between(&mut self, lo: f64, hi: f64) -> f64 {
+    pub(crate) fn between(&mut self, lo: f64, hi: f64) -> f64 {
         lo + (hi - lo) * (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     /// A bit pattern within ±[`LIMIT`], uniform over signs, exponents and
     /// significands.
-    pub(in crate::expr) fn any(&mut self) -> f32 {
+    pub(crate) fn any(&mut self) -> f32 {
         let magnitude = self.bits() as u32 % (LIMIT.to_bits() + 1);
         let x = f32::from_bits(magnitude);
         if self.bits() & 1 == 0 { x } else { -x }
