@@ -99,7 +99,7 @@ pub(super) fn stored(stage: &Stage, raw: &RawScene) -> Vec<(Feature, Quantity)> 
 }
 
 /// The scene with noise in one of its features.
-fn noisy(
+pub(super) fn noisy(
     raw: &RawScene,
     scene: &Scene,
     key: (Feature, Quantity),

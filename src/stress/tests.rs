@@ -6,7 +6,7 @@ use super::guards::Guards;
 use super::sensitivity::Noise;
 use super::trial::Trial;
 use super::*;
-use crate::expr::{Feature, Quantity};
+use crate::expr::{Feature, Quantity, codebook};
 use crate::plan::{Source, Window};
 
 fn stage(weight: &str) -> Stage {
@@ -104,6 +104,29 @@ fn missing_features_are_refused_and_missing_variances_estimated() {
         assert!(difference.unwrap_or(0.0) < 1e-6, "{feature}, {fault:?}: {difference:?}");
     }
     assert_eq!(observed.len(), 3 * Fault::ALL.len() - 1);
+}
+
+/// What a screen refuses must be what certificates find unstable, or nearly so.
+#[test]
+fn a_screen_refuses_what_hangs_on_last_bits() {
+    let screen = Screen::new(&[], Window::dense(3), &Interpreter, 1).expect("sound scenes");
+    let refuses = |text: &str| screen.refuses(&text.parse().expect("an expression"));
+    for sound in ["1", "exp(-distance2(normal, normal) / 0.1)", "nVariance + 1"] {
+        assert!(!refuses(sound), "{sound}");
+    }
+    for (name, unstable) in [("bilateral", false), ("cross-bilateral", false), ("kan2017", true)] {
+        let known = codebook::named(name).expect("a known name");
+        assert_eq!(screen.refuses(known), unstable, "{name}");
+    }
+    assert!(refuses("1 / distance2(texture, texture)"));
+    assert!(refuses(
+        "exp(sinc(distance1(texture, texture) / biweight(distanceMax(texture, depth))) \
+         - distance2(normal, normal))"
+    ));
+    // Nothing is promised of what cancels.
+    assert!(!refuses("1 / 1e17 / 1e17 / distance2(texture, texture)"));
+    // There is no plan for a vector.
+    assert!(refuses("normal"));
 }
 
 #[test]

@@ -20,16 +20,16 @@ use super::measure::Measuring;
 use super::{resolve, scenes};
 use crate::backend::Backend;
 use crate::evolve::{
-    Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Objection, Outcome, Preset,
-    Search, Settings, TrainingScene, history,
+    Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Preset,
+    Restriction, Search, Settings, TrainingScene, history,
 };
-use crate::expr::{Feature, PlaneId, codebook};
+use crate::expr::{Feature, PlaneId, Tree, codebook};
 use crate::plan::{Filter, Passes, Source, Stage, Window};
 use crate::report::{Format, ScoreTable, Total, number};
 use crate::scene::{
     Fact, Facts, Image, LoadOptions, Needs, RawScene, Scene, SceneFiles, write_atomically,
 };
-use crate::stress::{Engine, Ground, SEED, certify};
+use crate::stress::{Engine, Ground, SEED, Screen, certify};
 use parameters::Parameters;
 use progress::Progress;
 use record::Origin;
@@ -92,8 +92,8 @@ pub(super) struct Evolve {
     #[arg(long, value_name = "N", default_value_t = 5)]
     checkpoint_every: u32,
 
-    /// Let no finalist win that `tamis stress` finds unstable on the training scenes;
-    /// takes about a minute for each that is tried
+    /// Breed nothing whose results hang on the last bit of a feature, and let no
+    /// finalist win that `tamis stress` finds unstable on the training scenes
     #[arg(long)]
     require_stable: bool,
 
@@ -137,7 +137,7 @@ impl Evolve {
             .minimizing(settings.error)
             .racing(&settings.racing, settings.seed);
         let fitness = match self.require_stable {
-            true => fitness.objecting(instability(&files, window, &*backend)?),
+            true => fitness.restricted(stable_only(&files, window, &*backend)?),
             false => fitness,
         };
         let mut search = match checkpoint {
@@ -229,7 +229,12 @@ impl Evolve {
         for failure in scores.failures() {
             log.say(failure);
         }
-        let origin = Origin { settings, backend: backend.name(), scores: &scores };
+        let origin = Origin {
+            settings,
+            backend: backend.name(),
+            require_stable: self.require_stable,
+            scores: &scores,
+        };
         let path = |name: &str| self.out.join(name);
         for (name, text) in [
             (BEST, best.to_toml(record::training(&origin, outcome))),
@@ -271,25 +276,31 @@ fn load(files: &[SceneFiles], settings: &Settings, log: Log) -> Result<Vec<Train
     Ok(training)
 }
 
-/// Says of expressions why they are unstable on the scenes, if they are.
-fn instability<'a>(
+/// Keeps out what is unstable on the scenes.
+fn stable_only<'a>(
     files: &[SceneFiles],
     window: Window,
     backend: &'a dyn Backend,
-) -> Result<Box<Objection<'a>>, Error> {
+) -> Result<Restriction<'a>, Error> {
     let read = |scene: &SceneFiles| {
         let raw = RawScene::read(&scene.noisy, &Needs::everything(), &LoadOptions::default())?;
         Ok(Ground::real(raw))
     };
     let grounds = files.iter().map(read).collect::<Result<Vec<Ground>, Error>>()?;
-    Ok(Box::new(move |tree| {
+    let screen = Screen::new(&grounds, window, backend, SEED)?;
+    let objection = move |tree: &Tree| {
         let stage = Stage { weight: tree.clone(), window, source: Source::Color };
         let engine = Engine { name: backend.name().to_owned(), backend: Ok(backend) };
         match certify("finalist", &stage, &grounds, &[engine], SEED) {
             Ok(certificate) => certificate.objection().map(str::to_owned),
             Err(error) => Some(error.to_string()),
         }
-    }))
+    };
+    Ok(Restriction {
+        name: "stable only",
+        refuses: Box::new(move |tree| screen.refuses(tree)),
+        objection: Box::new(objection),
+    })
 }
 
 /// Takes what some scene lacks out of the search's vocabulary: a filter that

@@ -77,6 +77,10 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
     for [flag, value, doc] in parameters::listing(origin.settings) {
         table.row([format!("`{flag}`"), value, doc]);
     }
+    if origin.require_stable {
+        table
+            .row(["`--require-stable`", "yes", "unstable filters are kept out"].map(str::to_owned));
+    }
     page.push_str(&table.render(Format::Markdown));
     page
 }

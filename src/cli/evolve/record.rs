@@ -9,6 +9,8 @@ pub(super) struct Origin<'a> {
     pub(super) settings: &'a Settings,
     /// What ran the filters.
     pub(super) backend: &'static str,
+    /// Whether unstable expressions were kept out.
+    pub(super) require_stable: bool,
     /// The training scenes' errors; the bred filter comes first.
     pub(super) scores: &'a ScoreTable,
 }
@@ -35,6 +37,9 @@ pub(super) fn training(origin: &Origin<'_>, outcome: &Outcome) -> toml::Table {
     put("pixel-pairs", integer(outcome.work.done));
     put("pixel-pairs-without-racing", integer(outcome.work.exhaustive));
     put("backend", origin.backend.into());
+    if origin.require_stable {
+        put("require-stable", true.into());
+    }
     let scenes = origin.scores.scenes.iter().map(|score| {
         let mut scene = toml::Table::new();
         scene.insert("name".to_owned(), score.scene.clone().into());

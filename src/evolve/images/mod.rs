@@ -11,6 +11,8 @@ mod sample;
 
 use std::sync::Mutex;
 
+use rayon::prelude::*;
+
 use super::fitness::Fitness;
 use super::race::{Entrant, Ruling};
 use super::settings::Racing;
@@ -72,12 +74,24 @@ pub struct ImageFitness<'a> {
     measure: Measure,
     /// Where races are run; without one every entrant is judged in full.
     course: Option<Course>,
-    /// Why an expression must not win.
-    objection: Option<Box<Objection<'a>>>,
+    /// Who has to stay out.
+    restriction: Option<Restriction<'a>>,
 }
 
-/// Says why an expression must not win, if it must not.
-pub type Objection<'a> = dyn Fn(&Tree) -> Option<String> + Sync + 'a;
+/// What is asked of expressions beside a small error.
+pub struct Restriction<'a> {
+    /// Names it in checkpoints: a search under another would breed others.
+    pub name: &'static str,
+    /// Whether an expression is good for nothing. Asked of all that are to be judged
+    /// in full, so it should take less time than that.
+    pub refuses: Box<Question<'a, bool>>,
+    /// Says why an expression must not win, if it must not. Asked of finalists, the
+    /// best first, until there is one to whom there is no objection.
+    pub objection: Box<Question<'a, Option<String>>>,
+}
+
+/// Something to be asked of expressions.
+pub type Question<'a, A> = dyn Fn(&Tree) -> A + Sync + 'a;
 
 /// Why an expression could not be judged in a report.
 #[derive(Debug, thiserror::Error)]
@@ -117,7 +131,7 @@ impl<'a> ImageFitness<'a> {
         let passes = Passes { converged: false, ..Passes::ALL };
         let batching = Batching { backend, facts, window, passes, together: TOGETHER };
         let measure = Measure::RelMse;
-        Self { scenes, samples, coverage, batching, measure, course: None, objection: None }
+        Self { scenes, samples, coverage, batching, measure, course: None, restriction: None }
     }
 
     /// The same, judging so many expressions in one plan; the values are the same.
@@ -145,10 +159,10 @@ impl<'a> ImageFitness<'a> {
         self
     }
 
-    /// The same, letting nobody win to whom there is an objection.
+    /// The same, asking more of expressions than a small error.
     #[must_use]
-    pub fn objecting(mut self, objection: Box<Objection<'a>>) -> Self {
-        self.objection = Some(objection);
+    pub fn restricted(mut self, restriction: Restriction<'a>) -> Self {
+        self.restriction = Some(restriction);
         self
     }
 
@@ -205,6 +219,20 @@ impl<'a> ImageFitness<'a> {
         let measured = self.batching.run(trees, &self.pairs_of(samples), error);
         measured.into_iter().map(|errors| errors.map_or(f64::INFINITY, total)).collect()
     }
+
+    /// Judges those that the restriction, if there is one, does not refuse.
+    fn unless_refused(&self, trees: &[Tree], judge: impl Fn(&[Tree]) -> Vec<f64>) -> Vec<f64> {
+        let Some(restriction) = &self.restriction else { return judge(trees) };
+        let refused: Vec<bool> = trees.par_iter().map(|tree| (restriction.refuses)(tree)).collect();
+        let accepted = trees.iter().zip(&refused).filter(|(_, refused)| !**refused);
+        let accepted: Vec<Tree> = accepted.map(|(tree, _)| tree.clone()).collect();
+        let mut values = judge(&accepted).into_iter();
+        let value = |refused: bool| match refused {
+            true => f64::INFINITY,
+            false => values.next().expect("one value for each that is judged"),
+        };
+        refused.into_iter().map(value).collect()
+    }
 }
 
 /// The sum over the scenes.
@@ -217,7 +245,7 @@ impl Fitness for ImageFitness<'_> {
     type Error = std::convert::Infallible;
 
     fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
-        Ok(self.errors(trees, &self.samples))
+        Ok(self.unless_refused(trees, |trees| self.errors(trees, &self.samples)))
     }
 
     fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
@@ -234,7 +262,7 @@ impl Fitness for ImageFitness<'_> {
     }
 
     fn objection(&self, tree: &Tree) -> Result<Option<String>, Self::Error> {
-        Ok(self.objection.as_ref().and_then(|objection| objection(tree)))
+        Ok(self.restriction.as_ref().and_then(|restriction| (restriction.objection)(tree)))
     }
 
     fn race(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Self::Error> {
@@ -251,12 +279,15 @@ impl Fitness for ImageFitness<'_> {
 
     fn identity(&self) -> String {
         let names: Vec<&str> = self.scenes.iter().map(|t| t.scene.name()).collect();
+        let restriction = self.restriction.as_ref().map(|restriction| restriction.name);
         format!(
-            "{} of {} over {:?}, {:?}",
+            "{} of {} over {:?}, {:?}{}{}",
             self.measure.name(),
             names.join(" "),
             self.batching.window,
-            self.coverage
+            self.coverage,
+            if restriction.is_some() { ", " } else { "" },
+            restriction.unwrap_or_default()
         )
     }
 }

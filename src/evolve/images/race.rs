@@ -73,7 +73,8 @@ impl ImageFitness<'_> {
 
         let finalists: Vec<usize> = (0..entrants.len()).filter(|&k| rulings[k].is_none()).collect();
         let trees: Vec<Tree> = finalists.iter().map(|&k| entrants[k].tree.clone()).collect();
-        for (&k, value) in finalists.iter().zip(self.in_full(course, &trees)) {
+        let values = self.unless_refused(&trees, |trees| self.in_full(course, trees));
+        for (&k, value) in finalists.iter().zip(values) {
             // The last rung is run as a whole, what was seen before included.
             let rungs = if entrants[k].bar.is_some() { course.ladder.rungs.len() } else { 0 };
             let pixels = course.ladder.pixels(rungs);

@@ -254,3 +254,31 @@ fn shared_knowledge_changes_no_bit() {
         }
     }
 }
+
+/// Refused expressions are good for nothing, raced or not, and the others have the
+/// values that they have without a restriction.
+#[test]
+fn a_restriction_keeps_out_whom_it_refuses() {
+    let trees = bred(6);
+    let refused = trees[2].clone();
+    let restriction = || Restriction {
+        name: "one less",
+        refuses: Box::new(|tree: &Tree| *tree == refused),
+        objection: Box::new(|tree: &Tree| (*tree == refused).then(|| "refused".to_owned())),
+    };
+    let free = fitness(&Interpreter);
+    let restricted = fitness(&Interpreter).restricted(restriction());
+    assert_ne!(free.identity(), restricted.identity());
+    let Ok(mut values) = free.evaluate(&trees);
+    values[2] = f64::INFINITY;
+    assert_eq!(restricted.evaluate(&trees), Ok(values.clone()));
+
+    let racing = Preset::Paper.settings().racing;
+    let restricted = restricted.racing(&racing, 1);
+    let entrants: Vec<Entrant<'_>> = trees.iter().map(|tree| Entrant { tree, bar: None }).collect();
+    let Ok(rulings) = restricted.race(&entrants);
+    let full = rulings.iter().map(|ruling| ruling.verdict);
+    assert!(full.eq(values.into_iter().map(Verdict::Full)), "{rulings:?}");
+    assert_eq!(restricted.objection(&trees[2]), Ok(Some("refused".to_owned())));
+    assert_eq!(restricted.objection(&trees[1]), Ok(None));
+}

@@ -1,0 +1,94 @@
+//! A quick look at what makes most bred filters unstable: the last bit of a feature.
+//!
+//! Certificates take a minute, which a search cannot give to each of thousands. This
+//! takes a tenth of a second: all features are given noise in the last place at once,
+//! in the scenes that certificates are made from, and the results compared. What
+//! passes may still be refused a certificate.
+
+use super::adversary::{Stream, grounds};
+use super::peak::change;
+use super::sensitivity::{Noise, noisy};
+use super::trial::{filter, overflows};
+use super::verdict::ULP;
+use super::{Ground, Kind, StressError};
+use crate::backend::{Backend, Rect, oracle};
+use crate::expr::Tree;
+use crate::plan::{Source, Stage, Window};
+use crate::scene::{LoadOptions, Needs, RawScene, Scene, SceneError};
+
+/// Scenes with and without noise in the last place of all features.
+pub struct Screen<'a> {
+    backend: &'a dyn Backend,
+    window: Window,
+    pairs: Vec<Pair>,
+}
+
+struct Pair {
+    before: Scene,
+    after: Scene,
+    radius: u32,
+}
+
+/// Pixels that changed of which it is asked whether anything is promised of them: one
+/// that is decides, and where none of so many is, the others are hardly either.
+const ASKED: usize = 64;
+
+/// The stream of the noise, which certificates do not use.
+const NOISE: u64 = u64::MAX;
+
+impl<'a> Screen<'a> {
+    /// Made scenes and `real` ones, which are to be read with all that they have, for
+    /// filters with this window.
+    ///
+    /// # Errors
+    /// If a scene cannot be prepared.
+    pub fn new(
+        real: &[Ground],
+        window: Window,
+        backend: &'a dyn Backend,
+        seed: u64,
+    ) -> Result<Self, SceneError> {
+        let made = grounds(seed, window);
+        let ordinary = made.iter().chain(real).filter(|ground| ground.kind != Kind::Extreme);
+        let pair = |(k, ground): (usize, &Ground)| {
+            let radius = ground.radius.min(window.radius);
+            let reach = Window { radius, ..window }.reach() as usize;
+            let prepare = |raw: &RawScene| {
+                raw.clone().prepare(&Needs::everything(), reach, &LoadOptions::default())
+            };
+            let before = prepare(&ground.raw)?;
+            let mut rng = Stream { seed, scene: k as u64 }.numbers(NOISE);
+            let mut raw = ground.raw.clone();
+            for &key in ground.raw.features.keys() {
+                raw = noisy(&raw, &before, key, Noise::Ulp, &mut rng);
+            }
+            Ok(Pair { after: prepare(&raw)?, before, radius })
+        };
+        let pairs = ordinary.enumerate().map(pair).collect::<Result<_, SceneError>>()?;
+        Ok(Self { backend, window, pairs })
+    }
+
+    /// Whether the last bits of its features change a filter's results by more than
+    /// [`ULP`] allows, or it cannot be run.
+    pub fn refuses(&self, tree: &Tree) -> bool {
+        self.pairs.iter().any(|pair| pair.tells(self, tree).unwrap_or(true))
+    }
+}
+
+impl Pair {
+    fn tells(&self, screen: &Screen<'_>, tree: &Tree) -> Result<bool, StressError> {
+        let window = Window { radius: self.radius, ..screen.window };
+        let stage = Stage { weight: tree.clone(), window, source: Source::Color };
+        let before = filter(&self.before, &stage, screen.backend)?;
+        let after = filter(&self.after, &stage, screen.backend)?;
+        let changes = before.iter().zip(&after).enumerate();
+        let changed =
+            changes.filter(|&(_, (&before, &after))| change(before, after) > ULP.sensitive);
+        let width = self.before.layout().width();
+        Ok(changed.take(ASKED).any(|(k, _)| {
+            let pixel = Rect { x: k % width, y: k / width, width: 1, height: 1 };
+            let exact = oracle::filter(&self.before, &stage, pixel)[0];
+            exact.is_promised() && !overflows(&exact)
+        }))
+    }
+}
