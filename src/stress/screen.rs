@@ -1,20 +1,26 @@
-//! A quick look at what makes most bred filters unstable: the last bit of a feature.
+//! A quick look at what makes most bred filters unstable: the last bits of features, and
+//! roundings on the way to a weight.
 //!
 //! Certificates take a minute, which a search cannot give to each of thousands. This
 //! takes a tenth of a second: all features are given noise in the last place at once,
-//! in the scenes that certificates are made from, and the results compared. What
-//! passes may still be refused a certificate.
+//! in the scenes that certificates are made from, and the results compared, with each
+//! other and in some rows with the exact filter's. What passes may still be refused a
+//! certificate.
 
 use super::adversary::{Stream, grounds};
 use super::peak::change;
 use super::sensitivity::{Noise, noisy};
 use super::trial::{filter, overflows};
-use super::verdict::ULP;
+use super::verdict::{INACCURACY, ULP};
 use super::{Ground, Kind, StressError};
-use crate::backend::{Backend, Rect, oracle};
+use crate::backend::{ACCURACY, Backend, Rect, oracle};
 use crate::expr::Tree;
 use crate::plan::{Source, Stage, Window};
 use crate::scene::{LoadOptions, Needs, RawScene, Scene, SceneError};
+
+/// Rows of a rendered scene that are computed exactly. What magnifies roundings (an arc
+/// sine near 1, say) does so in many pixels.
+const ROWS: usize = 2;
 
 /// Scenes with and without noise in the last place of all features.
 pub struct Screen<'a> {
@@ -27,6 +33,7 @@ struct Pair {
     before: Scene,
     after: Scene,
     radius: u32,
+    kind: Kind,
 }
 
 /// Pixels that changed of which it is asked whether anything is promised of them: one
@@ -62,14 +69,15 @@ impl<'a> Screen<'a> {
             for &key in ground.raw.features.keys() {
                 raw = noisy(&raw, &before, key, Noise::Ulp, &mut rng);
             }
-            Ok(Pair { after: prepare(&raw)?, before, radius })
+            Ok(Pair { after: prepare(&raw)?, before, radius, kind: ground.kind })
         };
         let pairs = ordinary.enumerate().map(pair).collect::<Result<_, SceneError>>()?;
         Ok(Self { backend, window, pairs })
     }
 
     /// Whether the last bits of its features change a filter's results by more than
-    /// [`ULP`] allows, or it cannot be run.
+    /// [`ULP`] allows, its results are further from exact than [`INACCURACY`] allows in
+    /// rendered scenes, or it cannot be run.
     pub fn refuses(&self, tree: &Tree) -> bool {
         self.pairs.iter().any(|pair| pair.tells(self, tree).unwrap_or(true))
     }
@@ -85,10 +93,29 @@ impl Pair {
         let changed =
             changes.filter(|&(_, (&before, &after))| change(before, after) > ULP.sensitive);
         let width = self.before.layout().width();
-        Ok(changed.take(ASKED).any(|(k, _)| {
-            let pixel = Rect { x: k % width, y: k / width, width: 1, height: 1 };
-            let exact = oracle::filter(&self.before, &stage, pixel)[0];
-            exact.is_promised() && !overflows(&exact)
-        }))
+        Ok(self.is_inexact(&stage, &before)
+            || changed.take(ASKED).any(|(k, _)| {
+                let pixel = Rect { x: k % width, y: k / width, width: 1, height: 1 };
+                let exact = oracle::filter(&self.before, &stage, pixel)[0];
+                exact.is_promised() && !overflows(&exact)
+            }))
+    }
+
+    /// Whether some rows are too far from exact.
+    fn is_inexact(&self, stage: &Stage, computed: &[[f32; 3]]) -> bool {
+        if self.kind != Kind::Real {
+            return false;
+        }
+        let (width, height) = (self.before.layout().width(), self.before.layout().height());
+        (0..ROWS).any(|k| {
+            let y = (2 * k + 1) * height / (2 * ROWS);
+            let row = Rect { x: 0, y, width, height: 1 };
+            let exact = oracle::filter(&self.before, stage, row);
+            exact.iter().zip(&computed[y * width..]).any(|(exact, &computed)| {
+                exact.is_promised()
+                    && !overflows(exact)
+                    && exact.difference(computed) > INACCURACY.sensitive * ACCURACY
+            })
+        })
     }
 }
