@@ -109,3 +109,20 @@ fn a_search_keeps_to_its_time() {
     let text = place.done(&tiny("out", &["--generations", "1000000", "--max-time", "1"]));
     assert!(text.contains("stopped by the time limit"), "{text}");
 }
+
+#[test]
+fn a_search_lets_only_stable_filters_win_if_asked_to() {
+    let place = Place::new();
+    let output = place.run(&tiny("out", &["--generations", "1", "--require-stable"]));
+    assert!(output.status.success(), "{}", stderr(&output));
+    let warned = stderr(&output).contains("no finalist is stable");
+    let verdict = place.run(&["stress", "out/best.toml", "--scenes", "room"]);
+    assert_eq!(verdict.status.success(), !warned, "{}", String::from_utf8_lossy(&verdict.stdout));
+    let filter = String::from_utf8(place.bytes("out/best.toml")).expect("TOML");
+    assert!(filter.contains("require-stable = true"), "{filter}");
+
+    // Another search: what was refused here would have been bred from.
+    let resume = ["evolve", "--scenes", "room", "--out", "out", "--resume", "--generations", "2"];
+    place.fails(1, &resume, &["stable only"]);
+    place.done(&[&resume[..], &["--require-stable"]].concat());
+}

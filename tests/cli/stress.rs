@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::place::{EDGE_AWARE, Place, json, stderr};
+use crate::place::{EDGE_AWARE, Place, json};
 
 /// The certificate of a filter, which must have this verdict.
 #[track_caller]
@@ -111,30 +111,4 @@ fn what_cannot_be_certified_is_an_error() {
     place.fails(1, &["stress", EDGE_AWARE, "--gpu", "no such card"], &["gpu"]);
     let lacking = ["stress", "exp(-distance2(depth, depth))", "--scenes", "room/4spp.exr"];
     place.fails(1, &lacking, &["room/4spp.exr", "`depth`"]);
-}
-
-#[test]
-fn a_search_lets_only_stable_filters_win_if_asked_to() {
-    let place = Place::new();
-    let search = [
-        "evolve",
-        "--scenes",
-        "room",
-        "--radius",
-        "2",
-        "--islands",
-        "1",
-        "--island-size",
-        "6",
-        "--generations",
-        "1",
-        "--finalists",
-        "4",
-        "--require-stable",
-    ];
-    let output = place.run(&search);
-    assert!(output.status.success(), "{}", stderr(&output));
-    let warned = stderr(&output).contains("no finalist is stable");
-    let verdict = place.run(&["stress", "out/best.toml", "--scenes", "room"]);
-    assert_eq!(verdict.status.success(), !warned, "{}", String::from_utf8_lossy(&verdict.stdout));
 }
