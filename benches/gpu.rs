@@ -31,9 +31,9 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use tamis::backend::gpu::{Gpu, Options};
 use tamis::backend::shader::Loads;
-use tamis::backend::wgsl::Precision;
 use tamis::backend::{Backend, Executable, Jit, Rect, oracle};
 use tamis::expr::{Tree, codebook};
+use tamis::plan::Precision;
 use tamis::plan::{Filter, Passes, Plan, Source, Stage, Window};
 use tamis::report::{Align, Format, Table};
 use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Scene};
@@ -79,9 +79,9 @@ fn main() {
         (arguments.sizes, arguments.radii, arguments.rounds) = (vec!["64x48".into()], vec![2], 1);
     }
     let variants = [
-        (Precision::Exact, Loads::Planar),
-        (Precision::Exact, Loads::Packed),
-        (Precision::Exact, Loads::Tiled),
+        (Precision::Standard, Loads::Planar),
+        (Precision::Standard, Loads::Packed),
+        (Precision::Standard, Loads::Tiled),
         (Precision::Fast, Loads::Packed),
     ];
     let opened: Result<Vec<Gpu>, _> = variants

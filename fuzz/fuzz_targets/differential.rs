@@ -12,7 +12,7 @@ use libfuzzer_sys::fuzz_target;
 use tamis::backend::{Backend, Chains, Filtered, Interpreter, Jit, Rect, Width};
 use tamis::expr::grammar::Vocabulary;
 use tamis::expr::{Feature, Quantity, Sort, Symbol, Tree};
-use tamis::plan::{Passes, Plan, Window};
+use tamis::plan::{Passes, Plan, Precision, Window};
 use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Scene};
 
 /// Most symbols of an expression: long enough for spills, short enough for many
@@ -112,6 +112,7 @@ fn passes(bits: u16) -> Passes {
         support: on(7),
         symmetry: on(8),
         converged: on(9),
+        precision: if on(10) { Precision::Standard } else { Precision::Fast },
     }
 }
 

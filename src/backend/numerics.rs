@@ -43,6 +43,7 @@ type Point = [f32; 2 * COMPONENTS];
 /// An operator's code.
 struct Code {
     op: Op,
+    form: Form,
     primitives: usize,
     program: Program,
     /// Which operand each of the program's inputs is.
@@ -51,13 +52,29 @@ struct Code {
 
 impl Code {
     fn of(op: Op) -> Self {
+        Self::new(op, op.row().form)
+    }
+
+    /// What is made of it at [`Precision::Fast`](crate::plan::Precision), if that is
+    /// something else.
+    fn short(op: Op) -> Option<Self> {
+        let form = op.row().form;
+        let is_short = match form {
+            Form::Unary(f) => f.short.is_some(),
+            Form::Binary(f) => f.short.is_some(),
+            Form::Vectors(_) => false,
+        };
+        is_short.then(|| Self::new(op, form.short()))
+    }
+
+    fn new(op: Op, form: Form) -> Self {
         let mut b = Builder::new(Rules::ALL);
         let input = |b: &mut Builder, k: usize, interval| {
             b.input(Input::PerPixel(k as u32, Side::I), interval)
         };
         let anything = Interval::new(-LIMIT, LIMIT);
         let unit = Interval::new(-1.0, 1.0);
-        let result = match op.row().form {
+        let result = match form {
             Form::Unary(f) => {
                 let x = input(&mut b, 0, anything);
                 (f.build)(&mut b, x)
@@ -82,12 +99,16 @@ impl Code {
             Input::PerTap(_) | Input::Plane(..) | Input::Offset(_) => unreachable!("none is made"),
         };
         let reads = program.inputs().iter().map(read).collect();
-        Self { op, primitives, program, reads }
+        Self { op, form, primitives, program, reads }
+    }
+
+    fn budget(&self) -> Budget {
+        self.form.budget()
     }
 
     fn meaning(&self, point: &Point) -> f64 {
         let [x, y, ..] = point.map(f64::from);
-        match self.op.row().form {
+        match self.form {
             Form::Unary(f) => (f.meaning)(x),
             Form::Binary(f) => (f.meaning)(x, y),
             Form::Vectors(f) => {
@@ -113,7 +134,7 @@ impl Code {
         let chunks = points.len().div_ceil(LANES);
         run(&self.program, &inputs, slots, chunks);
         let result = self.program.result(0, &inputs, slots);
-        let budget = self.op.budget();
+        let budget = self.budget();
         let mut worst = Worst::default();
         for (k, point) in points.iter().enumerate() {
             let got = match result {
@@ -146,7 +167,7 @@ impl Code {
 
     /// Every operand there is, if there is one operand; many, if there are more.
     fn measure(&self) -> (u64, Worst) {
-        let (count, worst) = match self.op.row().form {
+        let (count, worst) = match self.form {
             Form::Unary(_) => {
                 let magnitudes = u64::from(LIMIT.to_bits()) + 1;
                 let every = |k: u64| {
@@ -173,7 +194,7 @@ impl Code {
     /// Points where functions break.
     fn probes(&self) -> Vec<Point> {
         let values = probes();
-        match self.op.row().form {
+        match self.form {
             Form::Unary(_) => values.into_iter().map(|x| point([x])).collect(),
             Form::Binary(_) => {
                 values.iter().flat_map(|&x| values.iter().map(move |&y| point([x, y]))).collect()
@@ -191,7 +212,7 @@ impl Code {
     /// The `k`-th random point.
     fn random(&self, k: u64) -> Point {
         let mut random = Random::stream(k);
-        match (self.op, self.op.row().form) {
+        match (self.op, self.form) {
             (_, Form::Unary(_)) => point([random.any()]),
             // Random bit patterns seldom have a power that is neither 0 nor clamped: four of
             // five exponents are made so that the power's magnitude is any.
@@ -292,8 +313,20 @@ fn meaning_error(code: &Code) -> Option<f64> {
 static PATH: LazyLock<PathBuf> =
     LazyLock::new(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs/NUMERICS.md"));
 
-const BEGIN: &str = "<!-- operators: written by the test `backend::numerics` -->\n";
+/// Where the table of operators begins, and that of short functions.
+const OPERATORS: &str = "<!-- operators: written by the test `backend::numerics` -->\n";
+const SHORT: &str = "<!-- short functions: written by the test `backend::numerics` -->\n";
 const END: &str = "<!-- end -->\n";
+
+/// The code of every operator, in the order of the operator table.
+fn operators() -> Vec<Code> {
+    Op::ALL.iter().map(|&op| Code::of(op)).collect()
+}
+
+/// The short functions.
+fn short_functions() -> Vec<Code> {
+    Op::ALL.iter().filter_map(|&op| Code::short(op)).collect()
+}
 
 /// A row of the table.
 #[derive(Debug)]
@@ -303,10 +336,10 @@ struct Row {
     absolute: f64,
 }
 
-/// The table in the document, by operator in the order of the operator table.
-fn documented() -> Vec<(String, Row)> {
+/// A table in the document, by operator in the order of the operator table.
+fn documented(begin: &str) -> Vec<(String, Row)> {
     let text = std::fs::read_to_string(&*PATH).expect("docs/NUMERICS.md");
-    let (_, rest) = text.split_once(BEGIN).expect("the table begins");
+    let (_, rest) = text.split_once(begin).expect("the table begins");
     let (table, _) = rest.split_once(END).expect("the table ends");
     let rows = table.lines().filter(|line| line.starts_with("| `"));
     rows.map(|line| {
@@ -333,21 +366,31 @@ fn figure(x: f64) -> String {
 }
 
 #[test]
-#[ignore = "takes minutes, and writes docs/NUMERICS.md"]
-fn tables() {
+#[ignore = "takes ten minutes, and writes docs/NUMERICS.md"]
+fn table_of_operators() {
+    write(OPERATORS, &operators());
+}
+
+#[test]
+#[ignore = "takes a minute, and writes docs/NUMERICS.md"]
+fn table_of_short_functions() {
+    write(SHORT, &short_functions());
+}
+
+/// Measures a table and writes it into the document.
+fn write(begin: &str, rows: &[Code]) {
     let mut table = String::from(
         "| operator | primitives | points | ulp | budget | absolute | budget | meaning |\n\
          |---|---:|---:|---:|---:|---:|---:|---:|\n",
     );
-    for &op in Op::ALL {
-        let code = Code::of(op);
+    for code in rows {
         let (points, worst) = code.measure();
-        let budget = op.budget();
-        let meaning = meaning_error(&code).map_or_else(|| "-".to_owned(), figure);
+        let budget = code.budget();
+        let meaning = meaning_error(code).map_or_else(|| "-".to_owned(), figure);
         writeln!(
             table,
             "| `{}` | {} | {points} | {:.3} | {} | {} | {} | {meaning} |",
-            title(op),
+            title(code.op),
             code.primitives,
             // Rounded up: the table says at most.
             (worst.ulp * 1e3).ceil() / 1e3,
@@ -359,25 +402,31 @@ fn tables() {
         println!("{}", table.lines().last().unwrap_or_default());
     }
     let text = std::fs::read_to_string(&*PATH).expect("docs/NUMERICS.md");
-    let (before, rest) = text.split_once(BEGIN).expect("the table begins");
+    let (before, rest) = text.split_once(begin).expect("the table begins");
     let (_, after) = rest.split_once(END).expect("the table ends");
-    std::fs::write(&*PATH, format!("{before}{BEGIN}{table}{END}{after}")).expect("writable");
+    std::fs::write(&*PATH, format!("{before}{begin}{table}{END}{after}")).expect("writable");
 }
 
 #[test]
 fn the_documented_errors_hold_on_samples() {
-    let documented = documented();
-    let titles: Vec<String> = Op::ALL.iter().map(|&op| title(op)).collect();
+    let measured = [(OPERATORS, operators()), (SHORT, short_functions())];
+    for (begin, codes) in measured {
+        hold(&codes, &documented(begin));
+    }
+}
+
+/// Holds samples to a table.
+fn hold(codes: &[Code], documented: &[(String, Row)]) {
+    let titles: Vec<String> = codes.iter().map(|code| title(code.op)).collect();
     let listed: Vec<&String> = documented.iter().map(|(title, _)| title).collect();
     assert_eq!(listed, titles.iter().collect::<Vec<_>>(), "run the ignored test");
-    for (&op, (title, row)) in Op::ALL.iter().zip(&documented) {
-        let code = Code::of(op);
+    for (code, (title, row)) in codes.iter().zip(documented) {
         let worst = code.sample();
         assert_eq!(code.primitives, row.primitives, "{title} changed: run the ignored test");
         assert!(worst.ulp <= row.ulp, "{title}: {worst:?}, but {row:?} is documented");
         assert!(worst.absolute <= row.absolute, "{title}: {worst:?}, but {row:?} is documented");
         // A table of what functions once were would allow too much.
-        let exhaustive = matches!(op.row().form, Form::Unary(_)) && row.ulp > 0.0;
+        let exhaustive = matches!(code.form, Form::Unary(_)) && row.ulp > 0.0;
         assert!(
             !exhaustive || worst.ulp > 0.5 * row.ulp,
             "{title}: {worst:?} is far below {row:?}"

@@ -11,7 +11,7 @@
 //! `fma` with two roundings, flush subnormal numbers, and assume that there are
 //! no infinities and no NaNs. A filter does not care, but for a few roundings
 //! that the elementary functions rely on; the tape says which
-//! ([`Tape::is_pinned`]). [`Precision::Exact`] makes sure of those:
+//! ([`Tape::is_pinned`]). [`Precision::Standard`] makes sure of those:
 //!
 //! * A pinned value passes through `pinned()`, an exclusive or of its bits with a
 //!   zero that the compiler cannot know (it comes from a uniform).
@@ -33,15 +33,15 @@
 //! | `sqrt`, `/` | rounded once | built-in |
 //! | all others | their primitives | their primitives, contracted as the compiler likes |
 //!
-//! `fast` takes 0.4 to 1.1 of the time of `exact` on llvmpipe
+//! `fast` takes 0.4 to 1.1 of the time of `standard` on llvmpipe
 //! (`benches/RESULTS.md`), and its budgets stand in the rows ([`Fast`]).
 //!
 //! [`Fast`]: crate::expr::function::Fast
 
 use std::fmt::Write;
 
-pub use super::Precision;
 use crate::expr::tape::{EXP2I_MAGIC, Input, Instr, Native, Prim, Tape, Value};
+use crate::plan::Precision;
 
 /// What a device rounds correctly, beyond what WGSL asks of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -157,14 +157,14 @@ impl Writer<'_> {
     /// The built-in function that stands for a value, where one may.
     fn native(&self, value: Value) -> Option<(Native, Value)> {
         match self.dialect.precision {
-            Precision::Exact => None,
+            Precision::Standard => None,
             Precision::Fast => self.tape.native(value),
         }
     }
 
     fn is_pinned(&self, value: Value) -> bool {
         match self.dialect.precision {
-            Precision::Exact => self.tape.is_pinned(value),
+            Precision::Standard => self.tape.is_pinned(value),
             Precision::Fast => false,
         }
     }
@@ -210,10 +210,12 @@ impl Writer<'_> {
         let Dialect { precision, arithmetic } = self.dialect;
         match (prim, args) {
             (Prim::Fma, [a, b, c, _]) if self.is_pinned(value) => format!("fused({a}, {b}, {c})"),
-            (Prim::Sqrt, [a, ..]) if precision == Precision::Exact && !arithmetic.roots => {
+            (Prim::Sqrt, [a, ..]) if precision == Precision::Standard && !arithmetic.roots => {
                 format!("root({a})")
             }
-            (Prim::Div, [a, b, ..]) if precision == Precision::Exact && !arithmetic.quotients => {
+            (Prim::Div, [a, b, ..])
+                if precision == Precision::Standard && !arithmetic.quotients =>
+            {
                 format!("quotient({a}, {b})")
             }
             _ if self.is_pinned(value) => format!("pinned({})", primitive(prim, args)),

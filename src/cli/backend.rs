@@ -7,7 +7,8 @@ use clap::{Args, ValueEnum};
 
 use super::error::Error;
 use super::log::Log;
-use crate::backend::{Backend, Interpreter, Precision};
+use crate::backend::{Backend, Exact, Interpreter};
+use crate::plan::{Passes, Precision};
 
 /// What runs filters on the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -112,7 +113,29 @@ impl Choice {
     };
 }
 
-/// Reads a precision by its name, and lists both.
+/// How accurate filters are run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Tier {
+    /// Exponentials and powers made short, on a GPU built-in: within 1e-4
+    Fast,
+    /// Every operator within its budget: within 1e-5 of the exact colour
+    Standard,
+    /// What the filter means, in f64, on the processor: within rounding to f32, and some
+    /// hundred times as long
+    Exact,
+}
+
+impl Tier {
+    /// How plans are made for it.
+    pub(super) fn precision(self) -> Precision {
+        match self {
+            Self::Fast => Precision::Fast,
+            Self::Standard | Self::Exact => Precision::Standard,
+        }
+    }
+}
+
+/// Reads a precision of code by its name, and lists both.
 pub(super) fn precisions() -> impl TypedValueParser<Value = Precision> {
     let listed = |precision: Precision| PossibleValue::new(precision.name()).help(precision.doc());
     PossibleValuesParser::new(Precision::ALL.map(listed))
@@ -139,9 +162,9 @@ pub(super) struct BackendArgs {
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = memory)]
     max_memory: u64,
 
-    /// How accurate the GPU computes
-    #[arg(long, value_name = "PRECISION", default_value = Precision::Exact.name(), value_parser = precisions())]
-    precision: Precision,
+    /// How accurate filters are run
+    #[arg(long, value_enum, value_name = "PRECISION", default_value_t = Tier::Standard)]
+    precision: Tier,
 }
 
 #[cfg(feature = "gpu")]
@@ -177,8 +200,17 @@ impl BackendArgs {
         }
     }
 
+    /// Every pass, as accurate as asked for.
+    pub(super) fn passes(&self) -> Passes {
+        Passes { precision: self.precision.precision(), ..Passes::ALL }
+    }
+
     fn open_processor(&self, processor: Processor) -> Result<Box<dyn Backend>, Error> {
-        processor.open(self.lanes.lanes)
+        match self.precision {
+            Tier::Fast | Tier::Standard => processor.open(self.lanes.lanes),
+            Tier::Exact if self.lanes.lanes != Lanes::Auto => Err(self.lanes.lanes.refused()),
+            Tier::Exact => Ok(Box::new(Exact)),
+        }
     }
 
     fn processor(&self, processor: Processor) -> Result<Opened, Error> {
@@ -204,6 +236,13 @@ impl BackendArgs {
 
     #[cfg(feature = "gpu")]
     fn gpu(&self) -> Result<Opened, Error> {
+        if self.precision == Tier::Exact {
+            return Err(Error::Usage(
+                "--precision exact: GPUs compute in f32; leave out `--backend gpu`, or take \
+                 `--precision standard`"
+                    .to_owned(),
+            ));
+        }
         if self.lanes.lanes != Lanes::Auto {
             return Err(self.lanes.lanes.refused());
         }
@@ -215,6 +254,10 @@ impl BackendArgs {
     fn auto(&self, log: Log) -> Result<Opened, Error> {
         use crate::backend::gpu::{Gpu, Kind, choose};
 
+        if self.precision == Tier::Exact {
+            log.say("--backend auto: the processor, as GPUs do not compute in f64");
+            return self.processor(Processor::DEFAULT);
+        }
         let processor = self.open_processor(Processor::DEFAULT)?;
         let opened = choose(self.gpu.as_deref()).and_then(|adapter| match adapter.kind() {
             // Somebody may want to see it work; by itself nobody is served by it.
@@ -242,7 +285,7 @@ impl BackendArgs {
         crate::backend::gpu::Options {
             adapter: self.gpu.clone(),
             max_memory: self.max_memory,
-            precision: self.precision,
+            precision: self.precision.precision(),
             ..crate::backend::gpu::Options::default()
         }
     }

@@ -9,8 +9,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use super::backend::precisions;
 use super::error::Error;
 use super::resolve::resolve;
-use crate::backend::Precision;
 use crate::export::{ExportError, Language, export};
+use crate::plan::Precision;
 use crate::plan::Window;
 use crate::scene::write_atomically;
 
@@ -45,8 +45,8 @@ pub(super) struct Export {
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(..=i64::from(Window::MAX_RADIUS)))]
     radius: Option<u32>,
 
-    /// How accurate shaders are; the other languages are always exact
-    #[arg(long, value_name = "PRECISION", default_value = Precision::Exact.name(), value_parser = precisions())]
+    /// How accurate code is; equations are exact
+    #[arg(long, value_name = "PRECISION", default_value = Precision::Standard.name(), value_parser = precisions())]
     precision: Precision,
 }
 

@@ -40,7 +40,7 @@ pub(super) struct Running {
 impl Running {
     /// The passes that are left.
     pub(super) fn passes(&self) -> Passes {
-        self.without.iter().fold(Passes::ALL, |passes, name| {
+        self.without.iter().fold(self.backend.passes(), |passes, name| {
             passes.without(name).expect("the command line accepts no other name")
         })
     }

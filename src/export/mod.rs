@@ -32,9 +32,9 @@ mod term;
 
 pub use language::{Language, Shading};
 
-use crate::backend::Precision;
 use crate::expr::feature::{Feature, Quantity};
 use crate::expr::tree::Tree;
+use crate::plan::Precision;
 use crate::plan::{Filter, Passes, Plan, PlanError, Source, Stage};
 use crate::scene::Facts;
 
@@ -61,7 +61,7 @@ pub enum ExportError {
         source: PlanError,
     },
     /// There is nothing to choose.
-    #[error("`{language}` is always exact; only shading languages take `--precision fast`")]
+    #[error("`{language}` says what a filter means; only code takes `--precision fast`")]
     AlwaysExact {
         /// The language.
         language: &'static str,
@@ -103,14 +103,14 @@ struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    fn of(filter: &'a Filter) -> Result<Self, ExportError> {
+    fn of(filter: &'a Filter, precision: Precision) -> Result<Self, ExportError> {
         let name = filter.name.as_str();
         let [Stage { weight, window, source: Source::Color }] = filter.stages.as_slice() else {
             let stages = filter.stages.len();
             return Err(ExportError::Stages { filter: name.to_owned(), stages });
         };
         // In one piece: a compiler moves what does not depend on the pair itself.
-        let passes = Passes { rate: false, symmetry: false, ..Passes::ALL };
+        let passes = Passes { rate: false, symmetry: false, precision, ..Passes::ALL };
         let plan = Plan::new(std::slice::from_ref(weight), *window, &Facts::of_any_scene(), passes)
             .map_err(|source| ExportError::Plan { filter: name.to_owned(), source })?;
         Ok(Self { name, identifier: identifier::of(name), weight, plan })
@@ -123,13 +123,13 @@ impl<'a> Subject<'a> {
 /// # Errors
 /// If the filter cannot be exported.
 pub fn images(filter: &Filter) -> Result<Vec<(Feature, Quantity)>, ExportError> {
-    let subject = Subject::of(filter)?;
+    let subject = Subject::of(filter, Precision::Standard)?;
     let terms = term::Term::of(&subject.plan).into_iter().filter(|term| term.is_image());
     Ok(terms.map(|term| (term.feature, term.quantity)).collect())
 }
 
 /// Exports a filter. The result is text in UTF-8 unless the language is binary.
-/// Only shading languages can be less than exact.
+/// Only code can be less than exact.
 ///
 /// # Errors
 /// If the filter has several stages, or no plan can be made of it, or the language
@@ -139,11 +139,11 @@ pub fn export(
     language: Language,
     precision: Precision,
 ) -> Result<Vec<u8>, ExportError> {
-    let subject = Subject::of(filter)?;
+    let subject = Subject::of(filter, precision)?;
     match (language, precision) {
-        (Language::C, Precision::Exact) => Ok(c::text(&subject).into_bytes()),
-        (Language::Latex, Precision::Exact) => Ok(latex::text(&subject).into_bytes()),
-        (Language::C | Language::Latex, Precision::Fast) => {
+        (Language::C, _) => Ok(c::text(&subject).into_bytes()),
+        (Language::Latex, Precision::Standard) => Ok(latex::text(&subject).into_bytes()),
+        (Language::Latex, Precision::Fast) => {
             Err(ExportError::AlwaysExact { language: language.name() })
         }
         #[cfg(feature = "gpu")]

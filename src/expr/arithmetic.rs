@@ -20,8 +20,14 @@ fn bounded(range: Interval) -> Interval {
 }
 
 /// Negation.
-pub const NEG: Unary =
-    Unary { meaning: |x| -x, build: Builder::neg, range: |x| -x, budget: ROUNDED, fast: FAST };
+pub const NEG: Unary = Unary {
+    meaning: |x| -x,
+    build: Builder::neg,
+    range: |x| -x,
+    budget: ROUNDED,
+    fast: FAST,
+    short: None,
+};
 
 /// Sum.
 pub const ADD: Binary = Binary {
@@ -33,6 +39,7 @@ pub const ADD: Binary = Binary {
     range: |x, y| bounded(x + y),
     budget: ROUNDED,
     fast: FAST,
+    short: None,
 };
 
 /// Difference.
@@ -45,6 +52,7 @@ pub const SUB: Binary = Binary {
     range: |x, y| bounded(x - y),
     budget: ROUNDED,
     fast: FAST,
+    short: None,
 };
 
 /// Product.
@@ -57,6 +65,7 @@ pub const MUL: Binary = Binary {
     range: |x, y| bounded(x * y),
     budget: ROUNDED,
     fast: FAST,
+    short: None,
 };
 
 /// Quotient. The reciprocal of a constant divisor is rounded before the
@@ -84,6 +93,7 @@ pub const DIV: Binary = Binary {
     },
     budget: Budget { ulp: 1.5, absolute: f32::MIN_POSITIVE as f64 },
     fast: Fast { within: LIMIT, budget: Budget { ulp: 4.0, absolute: f32::MIN_POSITIVE as f64 } },
+    short: None,
 };
 
 /// Keeps a divisor [`DIVISOR_MIN`] away from zero, on its own side.

@@ -59,6 +59,9 @@ pub struct Unary {
     pub budget: Budget,
     /// How far apart they may be in a fast shader.
     pub fast: Fast,
+    /// The same function in fewer primitives and with a wider budget, where there is
+    /// something to be saved.
+    pub short: Option<&'static Unary>,
 }
 
 /// A function of two scalars.
@@ -74,4 +77,7 @@ pub struct Binary {
     pub budget: Budget,
     /// How far apart they may be in a fast shader.
     pub fast: Fast,
+    /// The same function in fewer primitives and with a wider budget, where there is
+    /// something to be saved.
+    pub short: Option<&'static Binary>,
 }

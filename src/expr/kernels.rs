@@ -56,6 +56,7 @@ pub const MITCHELL: Unary = Unary {
     },
     budget: Budget { ulp: 0.0, absolute: 1e-7 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 0.0, absolute: 1e-6 } },
+    short: None,
 };
 
 fn mitchell(b: &mut Builder, x: Value) -> Value {
@@ -104,6 +105,7 @@ pub const SINC: Unary = Unary {
     },
     budget: Budget { ulp: 4.5, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 4.5, absolute: 2e-6 } },
+    short: None,
 };
 
 /// The first minimum, at 1.43, rounded outwards; and the peak.
@@ -138,6 +140,7 @@ pub const EPANECHNIKOV: Unary = Unary {
     range: |x| bump(EPANECHNIKOV, x),
     budget: Budget { ulp: 1.5, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 1.5, absolute: 1e-6 } },
+    short: None,
 };
 
 fn epanechnikov(b: &mut Builder, x: Value) -> Value {
@@ -153,6 +156,7 @@ pub const BIWEIGHT: Unary = Unary {
     range: |x| bump(BIWEIGHT, x),
     budget: Budget { ulp: 3.5, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 3.5, absolute: 1e-6 } },
+    short: None,
 };
 
 fn biweight(b: &mut Builder, x: Value) -> Value {
@@ -182,6 +186,7 @@ pub const TRICUBE: Unary = Unary {
     range: |x| bump(TRICUBE, x),
     budget: Budget { ulp: 3.1, absolute: 1.5e-7 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 3.1, absolute: 1e-6 } },
+    short: None,
 };
 
 fn tricube(b: &mut Builder, x: Value) -> Value {

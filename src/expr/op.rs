@@ -65,6 +65,27 @@ pub enum Form {
     Vectors(VectorFunction),
 }
 
+impl Form {
+    /// The same in fewer primitives and with a wider budget, where there is something
+    /// to be saved.
+    pub fn short(self) -> Self {
+        match self {
+            Self::Unary(f) => Self::Unary(f.short.copied().unwrap_or(f)),
+            Self::Binary(f) => Self::Binary(f.short.copied().unwrap_or(f)),
+            Self::Vectors(f) => Self::Vectors(f),
+        }
+    }
+
+    /// How far results may be from the meaning.
+    pub fn budget(self) -> Budget {
+        match self {
+            Self::Unary(f) => f.budget,
+            Self::Binary(f) => f.budget,
+            Self::Vectors(f) => f.budget,
+        }
+    }
+}
+
 /// A row of the operator table.
 #[derive(Debug)]
 pub struct OpRow {
@@ -185,11 +206,7 @@ impl Op {
 
     /// The budget of the row.
     pub fn budget(self) -> Budget {
-        match self.row().form {
-            Form::Unary(f) => f.budget,
-            Form::Binary(f) => f.budget,
-            Form::Vectors(f) => f.budget,
-        }
+        self.row().form.budget()
     }
 
     /// Looks up a function by the name it is called by.

@@ -1,10 +1,10 @@
 //! From trees to a tape: each operator's row emits its primitives.
 
-use super::Window;
+use super::{Precision, Window};
 use crate::expr::builder::{Builder, LIMIT};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::expr::interval::Interval;
-use crate::expr::op::Form;
+use crate::expr::op::{Form, Op};
 use crate::expr::tape::{Axis, Input, Side, Value};
 use crate::expr::tree::{Symbol, Tree, component_pairs};
 
@@ -17,9 +17,20 @@ pub(super) struct Surroundings<'a> {
     /// Whether pixels i and j change places: w(j, i) is made of what is read at
     /// i and j for w(i, j).
     pub(super) mirrored: bool,
+    /// How accurate functions are made.
+    pub(super) precision: Precision,
 }
 
 impl Surroundings<'_> {
+    /// What is made for an operator.
+    pub(super) fn form(&self, op: Op) -> Form {
+        let form = op.row().form;
+        match self.precision {
+            Precision::Standard => form,
+            Precision::Fast => form.short(),
+        }
+    }
+
     fn read(&self, b: &mut Builder, plane: PlaneId, side: Side) -> Value {
         let side = if self.mirrored { side.other() } else { side };
         b.input(Input::Plane(plane, side), (self.range)(plane))
@@ -90,7 +101,7 @@ pub(super) fn lower(b: &mut Builder, tree: &Tree, at: &Surroundings<'_>) -> Vec<
                 nodes.push(None);
                 continue;
             }
-            (Symbol::Op(op), operands) => match (op.row().form, operands) {
+            (Symbol::Op(op), operands) => match (at.form(op), operands) {
                 (Form::Unary(f), [Operand::Scalar(x)]) => {
                     let range = (f.range)(b.range(*x));
                     let value = (f.build)(b, *x);

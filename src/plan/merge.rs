@@ -215,8 +215,12 @@ mod tests {
     fn merged(text: &str, features: Interval) -> String {
         let tree: Tree = text.parse().expect("valid text");
         let window = crate::plan::Window { radius: 2, dilation: 1 };
-        let at =
-            super::super::lower::Surroundings { range: &|_| features, window, mirrored: false };
+        let at = super::super::lower::Surroundings {
+            range: &|_| features,
+            window,
+            mirrored: false,
+            precision: crate::plan::Precision::Standard,
+        };
         merge(&tree, &super::super::lower::ranges(&tree, &at)).to_string()
     }
 

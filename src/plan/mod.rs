@@ -22,6 +22,7 @@ mod filter;
 mod lower;
 mod merge;
 mod passes;
+mod precision;
 mod rate;
 mod support;
 mod symmetry;
@@ -39,6 +40,7 @@ use crate::scene::facts::{Fact, Facts};
 
 pub use filter::{Filter, Source, Stage, Window};
 pub use passes::{PASSES, PassRow, Passes};
+pub use precision::Precision;
 pub use rate::Tapes;
 pub use taps::{Run, Taps};
 
@@ -75,6 +77,7 @@ pub enum PlanError {
 /// tape reads offsets.
 #[derive(Clone, Debug)]
 pub struct Plan {
+    expressions: Vec<Tree>,
     window: Window,
     taps: Taps,
     tapes: Tapes,
@@ -106,7 +109,9 @@ impl Plan {
             Fact::Range(range) if passes.facts => range,
             Fact::Absent | Fact::Constant(_) | Fact::Range(_) => Interval::new(-LIMIT, LIMIT),
         };
-        let at = lower::Surroundings { range: &range, window, mirrored: false };
+        let precision = passes.precision;
+        let expressions = weights.to_vec();
+        let at = lower::Surroundings { range: &range, window, mirrored: false, precision };
         let weights: Vec<Cow<'_, Tree>> = weights
             .iter()
             .map(|weight| match passes.merge {
@@ -139,7 +144,12 @@ impl Plan {
         let tapes = rate::split(&tape, passes.rate, false);
         let mirrored = both.map(|tape| rate::split(&tape, passes.rate, true));
         let mirrored = mirrored.filter(|mirrored| symmetry::pays(&tapes, mirrored));
-        Ok(Self { window, taps, tapes, mirrored, signed, converged: passes.converged })
+        Ok(Self { expressions, window, taps, tapes, mirrored, signed, converged: passes.converged })
+    }
+
+    /// The weights as they were given, for whoever wants to know what they mean.
+    pub fn expressions(&self) -> &[Tree] {
+        &self.expressions
     }
 
     /// Where j ranges.

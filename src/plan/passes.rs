@@ -1,5 +1,6 @@
 //! The passes by name: each can be switched off, and none changes meaning.
 
+use super::Precision;
 use crate::expr::builder::Rules;
 
 /// Which passes a plan is made with.
@@ -25,6 +26,8 @@ pub struct Passes {
     pub symmetry: bool,
     /// Pixels whose window holds one colour keep it.
     pub converged: bool,
+    /// How accurate functions are made: no pass, as it says how far off results may be.
+    pub precision: Precision,
 }
 
 /// A pass as the command line and the benches name it.
@@ -117,6 +120,7 @@ impl Passes {
         support: true,
         symmetry: true,
         converged: true,
+        precision: Precision::Standard,
     };
 
     /// Every pass off.
@@ -131,6 +135,7 @@ impl Passes {
         support: false,
         symmetry: false,
         converged: false,
+        precision: Precision::Standard,
     };
 
     /// The same passes without the named one; `None` if there is no such pass.

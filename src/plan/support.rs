@@ -44,16 +44,17 @@ pub(super) fn whole(window: Window) -> Vec<Option<u32>> {
 /// A weight with what is known of its parts wherever j is.
 struct Weight<'a> {
     tree: &'a Tree,
+    at: &'a Surroundings<'a>,
     /// By position; of scalars only.
     known: Vec<Interval>,
     looks_at_offset: bool,
 }
 
 impl<'a> Weight<'a> {
-    fn new(tree: &'a Tree, at: &Surroundings<'_>) -> Self {
+    fn new(tree: &'a Tree, at: &'a Surroundings<'a>) -> Self {
         let looks_at_offset = tree.symbols().contains(&Symbol::Vector(Feature::Pixel));
         let known = if looks_at_offset { ranges(tree, at) } else { Vec::new() };
-        Self { tree, known, looks_at_offset }
+        Self { tree, at, known, looks_at_offset }
     }
 
     /// Whether the weight is zero for every pair of pixels so far apart.
@@ -76,7 +77,7 @@ impl<'a> Weight<'a> {
                     continue;
                 }
                 (Symbol::Const(_) | Symbol::Variance(_), _) => self.known[position],
-                (Symbol::Op(op), operands) => match (op.row().form, operands) {
+                (Symbol::Op(op), operands) => match (self.at.form(op), operands) {
                     (Form::Unary(f), &[Operand::Scalar(x)]) => rounded((f.range)(x)),
                     (Form::Binary(f), &[Operand::Scalar(x), Operand::Scalar(y)]) => {
                         rounded((f.range)(x, y))
@@ -113,12 +114,14 @@ fn rounded(range: Interval) -> Interval {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::Precision;
 
     /// The extents of a weight in scenes whose features are within ±1.
     fn of(text: &str, radius: u32) -> Vec<Option<u32>> {
         let window = Window::dense(radius);
         let range = |_| Interval::new(-1.0, 1.0);
-        let at = Surroundings { range: &range, window, mirrored: false };
+        let at =
+            Surroundings { range: &range, window, mirrored: false, precision: Precision::Standard };
         extents(&[text.parse::<Tree>().expect("parses")], window, &at)
     }
 
@@ -156,7 +159,8 @@ mod tests {
     fn weights_of_one_plan_share_the_widest_support() {
         let window = Window::dense(4);
         let range = |_| Interval::new(0.0, 1.0);
-        let at = Surroundings { range: &range, window, mirrored: false };
+        let at =
+            Surroundings { range: &range, window, mirrored: false, precision: Precision::Standard };
         let trees: Vec<Tree> = [2.5, 1.5]
             .map(|r| format!("biweight(distance1(pixel, pixel) / {r})").parse().expect("parses"))
             .into();

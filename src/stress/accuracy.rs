@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::guards::Guards;
-use super::trial::{Trial, filter};
+use super::trial::{Trial, filter_at};
 use super::{Engine, Kind, Peak};
 
 /// A scene, and how back ends did on it.
@@ -43,7 +43,8 @@ impl Scene {
         let width = trial.scene.layout().width();
         let accuracy = engines.iter().map(|engine| {
             let filtered = engine.backend.clone().and_then(|backend| {
-                filter(&trial.scene, &trial.stage, backend).map_err(|error| error.to_string())
+                filter_at(engine.precision, &trial.scene, &trial.stage, backend)
+                    .map_err(|error| error.to_string())
             });
             match filtered {
                 Ok(filtered) => {

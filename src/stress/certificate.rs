@@ -52,7 +52,11 @@ impl Certificate {
     pub(super) fn new(filter: &str, stage: &Stage, engines: &[Engine<'_>], seed: u64) -> Self {
         let entry = |engine: &Engine<'_>| EngineEntry {
             name: engine.name.clone(),
-            bound: engine.backend.as_ref().ok().map(|backend| backend.agreement().bound()),
+            bound: engine
+                .backend
+                .as_ref()
+                .ok()
+                .map(|backend| backend.agreement().bound(engine.precision)),
             absent: engine.backend.as_ref().err().cloned(),
         };
         Self {

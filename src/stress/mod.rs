@@ -31,7 +31,7 @@ mod trial;
 pub mod verdict;
 
 use crate::backend::{Backend, BackendError, Interpreter};
-use crate::plan::{PlanError, Stage};
+use crate::plan::{PlanError, Precision, Stage};
 use crate::scene::{Needs, RawScene, SceneError};
 
 pub use certificate::Certificate;
@@ -87,6 +87,8 @@ pub struct Engine<'a> {
     pub name: String,
     /// The back end, or why there is none here.
     pub backend: Result<&'a dyn Backend, String>,
+    /// How accurate its plans are made.
+    pub precision: Precision,
 }
 
 /// Why there is no certificate.
@@ -120,7 +122,7 @@ pub fn needs(stage: &Stage) -> Needs {
 
 /// Measures how a filter bears being computed, and bears its inputs: on scenes made
 /// from `seed`, and on `real` ones. All but the accuracy is measured with the first
-/// of the engines that is there.
+/// of the engines that is there, at standard precision.
 ///
 /// # Errors
 /// If a real scene lacks what the filter reads, or that engine fails.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{Ground, StressError, needs};
 use crate::backend::oracle::{self, Exact};
 use crate::backend::{Backend, Rect};
-use crate::plan::{Passes, Plan, Stage, Window};
+use crate::plan::{Passes, Plan, Precision, Stage, Window};
 use crate::scene::{Facts, LoadOptions, RawScene, Scene};
 
 /// The filter on one scene, with what every measurement starts from.
@@ -71,16 +71,27 @@ pub(super) fn exact(scene: &Scene, stage: &Stage) -> Vec<Exact> {
     (0..height).into_par_iter().flat_map_iter(row).collect()
 }
 
-/// The computed colours of a whole scene, row by row.
+/// The computed colours of a whole scene, row by row, at standard precision.
 pub(super) fn filter(
+    scene: &Scene,
+    stage: &Stage,
+    backend: &dyn Backend,
+) -> Result<Vec<[f32; 3]>, StressError> {
+    filter_at(Precision::Standard, scene, stage, backend)
+}
+
+/// The computed colours of a whole scene, row by row.
+pub(super) fn filter_at(
+    precision: Precision,
     scene: &Scene,
     stage: &Stage,
     backend: &dyn Backend,
 ) -> Result<Vec<[f32; 3]>, StressError> {
     let name = || scene.name().to_owned();
     let weights = std::slice::from_ref(&stage.weight);
-    let plan = Plan::new(weights, stage.window, &Facts::of(scene), Passes::ALL)
-        .map_err(|source| StressError::Plan { scene: name(), source })?;
+    let plan =
+        Plan::new(weights, stage.window, &Facts::of(scene), Passes { precision, ..Passes::ALL })
+            .map_err(|source| StressError::Plan { scene: name(), source })?;
     let filtered = backend.compile(&plan).and_then(|code| code.run(scene, &[Rect::whole(scene)]));
     let filtered = filtered.map_err(|source| StressError::Run { scene: name(), source })?;
     Ok(filtered.into_iter().next().expect("one result for one weight").pixels)

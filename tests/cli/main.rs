@@ -12,6 +12,7 @@ use std::process::Stdio;
 
 use place::{EDGE_AWARE, NOISY, Place, WIDTH, json, stderr, write_exr};
 use serde_json::Value;
+use tamis::scene::Image;
 
 #[test]
 fn a_filtered_image_is_nearer_to_its_reference() {
@@ -66,6 +67,20 @@ fn back_ends_threads_and_exact_passes_write_the_same_bytes() {
         }
     }
     assert_ne!(denoise("radius.exr", &["--radius", "2"]), interp);
+
+    let fast = denoise("fast.exr", &["--backend", "interp", "--precision", "fast"]);
+    assert_ne!(fast, interp);
+    if cfg!(feature = "jit") {
+        assert_eq!(denoise("fast_jit.exr", &["--precision", "fast"]), fast);
+    }
+    denoise("exact.exr", &["--precision", "exact"]);
+    let image = |name: &str| Image::load(&place.path(name)).expect("a result");
+    let off = |name: &str| {
+        let (image, exact) = (image(name), image("exact.exr"));
+        let pairs = image.rgb().concat().into_iter().zip(exact.rgb().concat());
+        pairs.map(|(x, exact): (f32, f32)| (x - exact).abs() / exact).fold(0.0, f32::max)
+    };
+    assert!(off("interp.exr") <= 1e-5 && off("fast.exr") <= 1e-4);
 }
 
 #[test]
@@ -135,6 +150,12 @@ fn a_wrong_command_line_is_told_from_failed_work() {
     place.fails(2, &with(&["--lanes", "64"]), &["64", "auto", "512"]);
     place.fails(2, &with(&["--backend", "interp", "--lanes", "128"]), &["--lanes", "jit"]);
     place.fails(2, &with(&["--precision", "double"]), &["double", "exact", "fast"]);
+    let exact_on = |more: &[&'static str]| with(&[&["--precision", "exact"], more].concat());
+    place.fails(2, &exact_on(&["--lanes", "128"]), &["--lanes", "jit"]);
+    if cfg!(feature = "gpu") {
+        let f32_only = ["--precision exact", "f32", "--precision standard"];
+        place.fails(2, &exact_on(&["--backend", "gpu"]), &f32_only);
+    }
     place.fails(2, &with(&["--radius", "129"]), &["129", "128"]);
     place.fails(2, &with(&["--without", "luck"]), &["luck", "share"]);
     let onto_itself = ["denoise", "room/4spp.exr", "-o", "room/../room/4spp.exr"];

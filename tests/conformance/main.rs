@@ -19,13 +19,14 @@ use libtest_mimic::Arguments;
 use tamis::backend::Chains;
 use tamis::backend::gpu::{Gpu, Options, adapters};
 use tamis::backend::shader::Loads;
-use tamis::backend::wgsl::Precision;
-use tamis::backend::{Backend, Features, Interpreter, Jit, Width};
+use tamis::backend::{Backend, Exact, Features, Interpreter, Jit, Width};
+use tamis::plan::Precision;
 
 use harness::{is_required, trial};
 
 type Opened = LazyLock<Box<dyn Backend + Send>>;
 
+static EXACT: Opened = LazyLock::new(|| Box::new(Exact));
 static INTERP: Opened = LazyLock::new(|| Box::new(Interpreter));
 static JIT_128: Opened = LazyLock::new(|| jit(Width::Bits128, Chains::Four));
 static JIT_128_OF_ONE_CHAIN: Opened = LazyLock::new(|| jit(Width::Bits128, Chains::One));
@@ -42,6 +43,7 @@ static GPU_WITHOUT_TABLE: Opened =
 
 /// With the width that each takes.
 const PROCESSOR: &[(&str, Option<Width>, &Opened)] = &[
+    ("exact", None, &EXACT),
     ("interp", None, &INTERP),
     ("jit_128", Some(Width::Bits128), &JIT_128),
     ("jit_128_of_one_chain", Some(Width::Bits128), &JIT_128_OF_ONE_CHAIN),
@@ -88,7 +90,7 @@ fn main() -> ExitCode {
     for &(name, check) in rows::CASES.iter().chain(gpu::CASES) {
         trials.push(trial(name.to_owned(), absent, check));
     }
-    for &(name, check) in gpu::LONG {
+    for &(name, check) in gpu::LONG.iter().chain(rows::LONG) {
         trials.push(trial(name.to_owned(), true, check));
     }
     for &(name, check) in gpu::WITHOUT_A_GPU {

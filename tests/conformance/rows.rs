@@ -7,38 +7,80 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tamis::backend::gpu::{Gpu, Options};
-use tamis::backend::wgsl::{Arithmetic, Precision};
+use tamis::backend::wgsl::Arithmetic;
 use tamis::expr::Op;
 use tamis::expr::builder::{Builder, LIMIT, Rules};
-use tamis::expr::function::Budget;
+use tamis::expr::function::{Budget, ulp};
 use tamis::expr::interval::Interval;
 use tamis::expr::op::Form;
 use tamis::expr::tape::{Input, Side};
+use tamis::plan::Precision;
 
-pub(crate) const CASES: &[(&str, fn())] =
-    &[("gpu::rows_exact", exact), ("gpu::rows_of_a_poor_device", poor), ("gpu::rows_fast", fast)];
+pub(crate) const CASES: &[(&str, fn())] = &[
+    ("gpu::rows_standard", || drop(standard())),
+    ("gpu::rows_of_a_poor_device", || drop(poor())),
+    ("gpu::rows_fast", || drop(fast())),
+];
+
+/// Cases that write documents:
+/// `cargo test --release --test conformance long::rows -- --ignored`
+pub(crate) const LONG: &[(&str, fn())] = &[("long::rows::table", table)];
 
 const SAMPLES: usize = 1 << 18;
 
-fn exact() {
-    rows(Precision::Exact, None);
+fn standard() -> Vec<Worst> {
+    rows(Precision::Standard, None)
 }
 
 /// With nothing relied upon but what WGSL guarantees, whatever this device does.
-fn poor() {
-    rows(Precision::Exact, Some(Arithmetic::WGSL));
+fn poor() -> Vec<Worst> {
+    rows(Precision::Standard, Some(Arithmetic::WGSL))
 }
 
-fn fast() {
-    rows(Precision::Fast, None);
+fn fast() -> Vec<Worst> {
+    rows(Precision::Fast, None)
 }
 
-fn rows(precision: Precision, arithmetic: Option<Arithmetic>) {
+/// How far an operator's results are off, at worst: in units of the last place those that
+/// are further off than the absolute part of the budget.
+#[derive(Clone, Copy, Debug, Default)]
+struct Worst {
+    ulp: f64,
+    budget: f64,
+}
+
+const BEGIN: &str = "<!-- shaders: written by the test `long::rows::table` -->\n";
+const END: &str = "<!-- end -->\n";
+
+/// Writes the figures of this machine's GPU into docs/NUMERICS.md.
+fn table() {
+    let gpu = Gpu::open(&Options::default()).expect("a GPU");
+    let mut table = format!(
+        "{}, {SAMPLES} points for each operator, ulp:\n\n| operator | `standard` | budget | relying \
+         on WGSL alone | `fast` | budget |\n|---|---:|---:|---:|---:|---:|\n",
+        gpu.adapter_name()
+    );
+    let measured = standard().into_iter().zip(poor()).zip(fast());
+    for (&op, ((standard, poor), fast)) in Op::ALL.iter().zip(measured) {
+        let figures = [standard.ulp, standard.budget, poor.ulp, fast.ulp, fast.budget];
+        let cells = figures.map(|x| format!("{:.2}", (x * 100.0).ceil() / 100.0));
+        let line = format!("| {} | {} |\n", op.name().replace('|', "\\|"), cells.join(" | "));
+        table.push_str(&line);
+    }
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/NUMERICS.md");
+    let text = std::fs::read_to_string(&path).expect("docs/NUMERICS.md");
+    let (before, rest) = text.split_once(BEGIN).expect("the table begins");
+    let (_, after) = rest.split_once(END).expect("the table ends");
+    std::fs::write(&path, format!("{before}{BEGIN}{table}{END}{after}")).expect("writable");
+}
+
+fn rows(precision: Precision, arithmetic: Option<Arithmetic>) -> Vec<Worst> {
     let gpu = Gpu::open(&Options { precision, arithmetic, ..Options::default() }).expect("a GPU");
-    let mut failures = Vec::new();
+    let (mut failures, mut all) = (Vec::new(), Vec::new());
     for &op in Op::ALL {
         let fast = precision == Precision::Fast;
-        let (operands, budget, within) = match op.row().form {
+        let form = if fast { op.row().form.short() } else { op.row().form };
+        let (operands, budget, within) = match form {
             Form::Unary(f) if fast => (1, f.fast.budget, f.fast.within),
             Form::Unary(f) => (1, f.budget, LIMIT),
             Form::Binary(f) if fast => (2, f.fast.budget, f.fast.within),
@@ -50,7 +92,7 @@ fn rows(precision: Precision, arithmetic: Option<Arithmetic>) {
         let range = Interval::new(-within, within);
         let inputs: Vec<_> =
             (0..operands).map(|k| b.input(Input::PerPixel(k as u32, Side::I), range)).collect();
-        let result = match op.row().form {
+        let result = match form {
             Form::Unary(f) => (f.build)(&mut b, inputs[0]),
             Form::Binary(f) => (f.build)(&mut b, inputs[0], inputs[1]),
             Form::Vectors(f) => {
@@ -63,11 +105,18 @@ fn rows(precision: Precision, arithmetic: Option<Arithmetic>) {
         let slices: Vec<&[f32]> = columns.iter().map(Vec::as_slice).collect();
         let got = gpu.evaluate(&tape, &slices).expect("evaluates").swap_remove(0);
         let (mut wrong, mut example) = (0, None);
+        let mut worst = Worst { ulp: 0.0, budget: budget.ulp };
         for (k, &got) in got.iter().enumerate() {
             let row: Vec<f32> = columns.iter().map(|column| column[k]).collect();
             let exact = meaning(op, &row);
             let flushed: Vec<f32> = row.iter().map(|&x| flush(x)).collect();
-            let right = allows(budget, got, exact) || allows(budget, got, meaning(op, &flushed));
+            let flushed = meaning(op, &flushed);
+            let right = allows(budget, got, exact) || allows(budget, got, flushed);
+            let off = |exact: f64| (f64::from(got) - exact).abs();
+            let nearest = if off(flushed) < off(exact) { flushed } else { exact };
+            if right && off(nearest) > budget.absolute && !vanishes(got, nearest) {
+                worst.ulp = worst.ulp.max(off(nearest) / ulp(nearest));
+            }
             if !right {
                 wrong += 1;
                 example.get_or_insert_with(|| format!("{row:?} = {got:e}, not {exact:e}"));
@@ -76,8 +125,10 @@ fn rows(precision: Precision, arithmetic: Option<Arithmetic>) {
         if let Some(example) = example {
             failures.push(format!("{op:?}: {wrong} of {SAMPLES} wrong, as {example}"));
         }
+        all.push(worst);
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+    all
 }
 
 fn flush(x: f32) -> f32 {
@@ -85,8 +136,12 @@ fn flush(x: f32) -> f32 {
 }
 
 fn allows(budget: Budget, got: f32, exact: f64) -> bool {
-    let subnormal = exact.abs() < f64::from(f32::MIN_POSITIVE) && got == 0.0;
-    budget.allows(got, exact) || subnormal
+    budget.allows(got, exact) || vanishes(got, exact)
+}
+
+/// Whether a subnormal result was taken for zero.
+fn vanishes(got: f32, exact: f64) -> bool {
+    exact.abs() < f64::from(f32::MIN_POSITIVE) && got == 0.0
 }
 
 fn meaning(op: Op, row: &[f32]) -> f64 {

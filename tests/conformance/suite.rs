@@ -2,12 +2,15 @@
 //! tapes (bit for bit where it promises that) and to the exact meaning of the
 //! trees in f64, within what it promises.
 
-use tamis::backend::{Agreement, Backend, Filtered, Interpreter, Rect, oracle};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use tamis::backend::{Agreement, Backend, FAST_ACCURACY, Filtered, Interpreter, Rect, oracle};
+use tamis::expr::grammar::{Limits, Vocabulary};
 use tamis::expr::tape::{Axis, Input, Side};
 use tamis::expr::{Feature, Op, Quantity, Symbol, Tree, codebook};
-use tamis::plan::{PASSES, Passes, Plan, Source, Stage, Window};
-use tamis::scene::Scene;
+use tamis::plan::{PASSES, Passes, Plan, Precision, Source, Stage, Window};
 use tamis::scene::facts::Facts;
+use tamis::scene::{LoadOptions, Needs, RawScene, Scene};
 
 use crate::fixture::{self, parse, scene};
 
@@ -35,6 +38,9 @@ cases! {
     rectangles_give_what_the_whole_gives
     several_weights_in_one_plan
     untrusted_sums_keep_the_noisy_colour
+    sums_far_from_one
+    sums_that_overflow
+    any_trees_on_extreme_numbers
     a_constant_image_stays_constant
     windows_of_one_colour_keep_it
     passes_change_cost_not_meaning
@@ -155,33 +161,45 @@ pub(crate) fn run(backend: &dyn Backend, plan: &Plan, scene: &Scene) -> Vec<Filt
 
 /// The greatest relative difference from the exact filter that a back end may show.
 fn accuracy(backend: &dyn Backend) -> f64 {
-    backend.agreement().bound()
+    backend.agreement().bound(Precision::Standard)
+}
+
+/// The precisions of plans that a back end is run with: a GPU is opened for one.
+fn precisions(backend: &dyn Backend) -> &'static [Precision] {
+    match backend.agreement() {
+        Agreement::Bits => &Precision::ALL,
+        Agreement::Budget(budget) if budget < FAST_ACCURACY => &[Precision::Standard],
+        Agreement::Budget(_) => &[Precision::Fast],
+    }
 }
 
 /// Holds a back end to the scalar meaning and to the oracle on one weight.
 fn check(backend: &dyn Backend, scene: &Scene, text: &str, window: Window) {
     let weight = parse(text);
-    let plan = plan(std::slice::from_ref(&weight), window, scene, Passes::ALL);
-    let got = run(backend, &plan, scene);
-    if backend.agreement() == Agreement::Bits {
-        assert!(got == scalar(&plan, scene), "{} differs on {text}", backend.name());
-    }
-    let stage = Stage { weight, window, source: Source::Color };
+    let stage = Stage { weight: weight.clone(), window, source: Source::Color };
     let exact = oracle::filter(scene, &stage, Rect::whole(scene));
-    for (k, (got, exact)) in got[0].pixels.iter().zip(&exact).enumerate() {
-        // No factor here is flushed to zero, so smaller sums are right too than those
-        // of which anything is promised; the rest is as in `is_promised`.
-        let condition = exact.magnitude / exact.total.abs();
-        if condition > 500.0 || exact.magnitude < 1e-25 {
-            continue;
+    for &precision in precisions(backend) {
+        let passes = Passes { precision, ..Passes::ALL };
+        let plan = plan(std::slice::from_ref(&weight), window, scene, passes);
+        let got = run(backend, &plan, scene);
+        if backend.agreement() == Agreement::Bits {
+            assert!(got == scalar(&plan, scene), "{} differs on {text}", backend.name());
         }
-        let difference = exact.difference(*got);
-        assert!(
-            difference <= accuracy(backend),
-            "{text}: pixel {k} is {got:?} instead of {:?}: off by {difference:.1e} (condition \
-             {condition})",
-            exact.color
-        );
+        for (k, (got, exact)) in got[0].pixels.iter().zip(&exact).enumerate() {
+            // No factor here is flushed to zero, so smaller sums are right too than those
+            // of which anything is promised; the rest is as in `is_promised`.
+            let condition = exact.magnitude / exact.total.abs();
+            if condition > 500.0 || exact.magnitude < 1e-25 {
+                continue;
+            }
+            let difference = exact.difference(*got);
+            assert!(
+                difference <= backend.agreement().bound(precision),
+                "{text}, {precision:?}: pixel {k} is {got:?} instead of {:?}: off by \
+                 {difference:.1e} (condition {condition})",
+                exact.color
+            );
+        }
     }
 }
 
@@ -318,6 +336,144 @@ fn untrusted_sums_keep_the_noisy_colour(backend: &dyn Backend) {
     let got = &run(backend, &nothing, &scene)[0];
     assert_eq!(got.kept, 60);
     assert_eq!(got.pixels[13], [0, 1, 2].map(|c| scene.color()[c].at(1, 1)));
+}
+
+/// A scene in which w(i, j) is a number that pixel j holds: errors are the sum's alone.
+/// With its filter.
+fn weighted(weights: Vec<f32>, color: [Vec<f32>; 3]) -> (Scene, Tree) {
+    let pixels = weights.len();
+    assert_eq!(pixels, WEIGHTED.0 * WEIGHTED.1);
+    let same = |x: f32| vec![x; pixels];
+    let raw = RawScene::new("weighted", WEIGHTED.0, WEIGHTED.1, color)
+        .with(Feature::Texture, Quantity::Value, vec![same(1.0), same(0.0), same(0.0)])
+        .with(Feature::SecTexture, Quantity::Value, vec![weights, same(0.0), same(0.0)]);
+    let needs = Needs::planes(parse(WEIGHT_OF_J).planes());
+    let options = LoadOptions::default();
+    (raw.prepare(&needs, 32, &options).expect("a sound scene"), parse(WEIGHT_OF_J))
+}
+
+/// The size of such scenes: windows of radius 32 hold them whole.
+const WEIGHTED: (usize, usize) = (41, 24);
+const WEIGHT_OF_J: &str = "dot(texture, secTexture)";
+
+/// A number between powers of ten.
+fn decades(rng: &mut impl Rng, lo: f32, hi: f32) -> f32 {
+    10f32.powf(rng.random_range(lo..=hi))
+}
+
+/// Weights from 1e-30 to 1e18 and colours from 1e-6 to 1e6, added up over windows of
+/// any size, in all signs that leave something: as far as `backend` promises, and on
+/// processors as far as the chain of additions allows.
+fn sums_far_from_one(backend: &dyn Backend) {
+    let pixels = WEIGHTED.0 * WEIGHTED.1;
+    let mut rng = ChaCha8Rng::seed_from_u64(14);
+    for weights in [[0.0, 0.0], [-29.0, -28.0], [-12.0, 12.0], [-3.0, 3.0], [17.0, 18.0]] {
+        // The share of the weights that is negative.
+        for negative in [0.0, 0.3, 0.49] {
+            let weight = |rng: &mut ChaCha8Rng| {
+                let weight = decades(rng, weights[0], weights[1]).min(1e18);
+                if rng.random_bool(negative) { -weight } else { weight }
+            };
+            let weight: Vec<f32> = (0..pixels).map(|_| weight(&mut rng)).collect();
+            let color = [0; 3].map(|_| (0..pixels).map(|_| decades(&mut rng, -6.0, 6.0)).collect());
+            let (scene, tree) = weighted(weight, color);
+            for radius in [1, 10, 32] {
+                let window = Window::dense(radius);
+                let plan = plan(std::slice::from_ref(&tree), window, &scene, Passes::ALL);
+                let got = run(backend, &plan, &scene).swap_remove(0);
+                let stage = Stage { weight: tree.clone(), window, source: Source::Color };
+                let exact = oracle::filter(&scene, &stage, Rect::whole(&scene));
+                let chain = f64::from(2 * radius + 4) * f64::from(f32::EPSILON);
+                let bound = match backend.agreement() {
+                    Agreement::Bits => chain.min(accuracy(backend)),
+                    Agreement::Budget(budget) => budget,
+                };
+                let what = format!("1e{weights:?}, {negative} negative, radius {radius}");
+                let (mut least, mut most) = (0, 0);
+                for (k, (got, exact)) in got.pixels.iter().zip(&exact).enumerate() {
+                    let noisy = [0, 1, 2].map(|c| scene.color()[c].at(k % 41, k / 41));
+                    // What is near the guard's bounds may go either way.
+                    let cancelled = exact.total.abs() / exact.magnitude * 1024.0;
+                    let vanished = exact.total.abs() / 1e-30;
+                    let doubt = cancelled.min(vanished);
+                    least += usize::from(doubt < 0.9);
+                    most += usize::from(doubt < 1.1);
+                    if doubt < 0.9 {
+                        assert_eq!(*got, noisy, "{what}: pixel {k} was to be kept");
+                    } else if doubt > 1.1 {
+                        let off = exact.difference(*got);
+                        assert!(off <= bound, "{what}: pixel {k} is off by {off:.1e}");
+                    }
+                }
+                assert!((least..=most).contains(&got.kept), "{what}: {} kept", got.kept);
+            }
+        }
+    }
+}
+
+/// Where Σ c·w leaves the range of `f32` the noisy colour stays, and only there.
+fn sums_that_overflow(backend: &dyn Backend) {
+    let pixels = WEIGHTED.0 * WEIGHTED.1;
+    // Brighter and brighter to the right, until 25 terms are too much.
+    let ramp = |k: usize| 1e18 * (k % WEIGHTED.0 + 1) as f32 / WEIGHTED.0 as f32;
+    let color = [0; 3].map(|_| (0..pixels).map(ramp).collect());
+    let (scene, tree) = weighted(vec![1e18; pixels], color);
+    let window = Window::dense(10);
+    let plan = plan(std::slice::from_ref(&tree), window, &scene, Passes::ALL);
+    let got = run(backend, &plan, &scene).swap_remove(0);
+    let stage = Stage { weight: tree, window, source: Source::Color };
+    let exact = oracle::filter(&scene, &stage, Rect::whole(&scene));
+    let mut kept = 0;
+    for (k, (got, exact)) in got.pixels.iter().zip(&exact).enumerate() {
+        let sum = exact.color[0] * exact.total / f64::from(f32::MAX);
+        if sum > 1.001 && backend.name() != "exact" {
+            assert_eq!(got[0], scene.color()[0].at(k % 41, k / 41), "pixel {k}");
+            kept += 1;
+        } else if !(0.999..=1.001).contains(&sum) {
+            assert!(exact.difference(*got) <= accuracy(backend), "pixel {k}: {got:?}");
+        }
+    }
+    assert!(got.kept >= kept && got.kept < pixels, "{} of {kept} kept", got.kept);
+    assert!(kept > 0 || backend.name() == "exact");
+}
+
+/// Whatever the grammar makes, on numbers that arithmetic trips over: finite colours, and
+/// where bits are promised those of the scalar meaning.
+fn any_trees_on_extreme_numbers(backend: &dyn Backend) {
+    const VALUES: [f32; 12] =
+        [0.0, -0.0, 1e-45, -1e-40, 1e-20, -1e-18, 1.0, -1.0, 0.5, 1e9, 1e18, -1e18];
+    let mut rng = ChaCha8Rng::seed_from_u64(15);
+    let (width, height) = (37, 4);
+    let mut samples = |least: f32| -> Vec<f32> {
+        let value = |_| VALUES[rng.random_range(0..VALUES.len())].max(least);
+        (0..width * height).map(value).collect()
+    };
+    let mut raw = RawScene::new("extreme", width, height, [0; 3].map(|_| samples(0.0)));
+    for feature in Feature::ALL.into_iter().filter(|&feature| feature != Feature::Pixel) {
+        if feature != Feature::Color {
+            let values = (0..feature.width()).map(|_| samples(f32::MIN)).collect();
+            raw = raw.with(feature, Quantity::Value, values);
+        }
+        raw = raw.with(feature, Quantity::Variance, vec![samples(0.0)]);
+    }
+    let scene = fixture::prepare(raw);
+    let vocabulary = Vocabulary::all();
+    for seed in 0..24 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let trees =
+            [4, 8].map(|depth| vocabulary.random_tree(&mut rng, Limits { depth, nodes: 80 }));
+        for &precision in precisions(backend) {
+            let passes = Passes { precision, ..Passes::ALL };
+            let plan = plan(&trees, Window::dense(2), &scene, passes);
+            let got = run(backend, &plan, &scene);
+            for (tree, got) in trees.iter().zip(&got) {
+                assert!(got.pixels.iter().flatten().all(|c| c.is_finite()), "{tree}: {got:?}");
+            }
+            if backend.agreement() == Agreement::Bits {
+                assert!(got == scalar(&plan, &scene), "{} differs on {trees:?}", backend.name());
+            }
+        }
+    }
 }
 
 fn a_constant_image_stays_constant(backend: &dyn Backend) {

@@ -9,12 +9,12 @@ use std::process::Command;
 use tamis::backend::{Backend, Filtered, Interpreter, Rect};
 use tamis::export::Language;
 use tamis::expr::{Feature, PlaneId};
-use tamis::plan::{Filter, Passes, Plan, Window};
+use tamis::plan::{Filter, Passes, Plan, Precision, Window};
 use tamis::scene::{Facts, Scene};
 
 use crate::every::hostile_names;
 use crate::fixture::{bred, parse, scene};
-use crate::{known_and_shipped, text};
+use crate::{bytes as export_as, known_and_shipped, text};
 
 pub(crate) const CASES: &[(&str, fn())] = &[
     ("c::named_and_shipped_filters_give_the_interpreters_bits", named_and_shipped_filters),
@@ -31,10 +31,10 @@ fn numbered(k: usize, weight: &str, window: Window) -> Filter {
 }
 
 /// The plan that an export is made of.
-fn plan(filter: &Filter) -> Plan {
+fn plan(filter: &Filter, precision: Precision) -> Plan {
     let stage = &filter.stages[0];
     // Exports filter every pixel.
-    let passes = Passes { rate: false, converged: false, ..Passes::ALL };
+    let passes = Passes { rate: false, converged: false, precision, ..Passes::ALL };
     let weights = std::slice::from_ref(&stage.weight);
     Plan::new(weights, stage.window, &Facts::of_any_scene(), passes).expect("a sound filter")
 }
@@ -75,18 +75,18 @@ fn image(scene: &Scene, at: impl Fn(usize, usize) -> f32) -> Vec<u8> {
 
 /// A C program of several exports. It reads the images of [`supply`] from a file
 /// and writes every filter's R, G, B and count of kept pixels.
-fn program(filters: &[Filter]) -> String {
+fn program(filters: &[Filter], precision: Precision) -> String {
     let mut source = String::new();
     let mut calls = String::new();
     for filter in filters {
-        source.push_str(&text(filter, Language::C));
+        source.push_str(&written(filter, precision));
         let name = &filter.name;
         let _ = writeln!(calls, "    {{\n        struct {name}_images images;");
         let _ = writeln!(calls, "        images.width = width;\n        images.height = height;");
         for c in 0..3 {
             let _ = writeln!(calls, "        images.noisy[{c}] = image({c});");
         }
-        let read = plan(filter).planes();
+        let read = plan(filter, precision).planes();
         for (k, (feature, quantity)) in Feature::terms().enumerate() {
             let is_read = PlaneId::of(feature, quantity).any(|plane| read.contains(&plane));
             if feature == Feature::Pixel || !is_read {
@@ -163,11 +163,22 @@ fn supply(scene: &Scene) -> Vec<u8> {
     file
 }
 
+/// A filter's export.
+fn written(filter: &Filter, precision: Precision) -> String {
+    String::from_utf8(export_as(filter, Language::C, precision)).expect("C is text")
+}
+
+/// Holds filters' exports at both precisions to the interpreter. Returns how many pixels
+/// kept their colour.
+fn agree(filters: &[Filter], scenes: &[Scene]) -> usize {
+    Precision::ALL.map(|precision| agree_at(precision, filters, scenes)).into_iter().sum()
+}
+
 /// Compiles the filters' exports and holds them to the interpreter, bit for bit.
 /// Returns how many pixels kept their colour.
-fn agree(filters: &[Filter], scenes: &[Scene]) -> usize {
+fn agree_at(precision: Precision, filters: &[Filter], scenes: &[Scene]) -> usize {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    fs::write(folder.path().join("filters.c"), program(filters)).expect("writable");
+    fs::write(folder.path().join("filters.c"), program(filters, precision)).expect("writable");
     let mut compile = compiler(folder.path());
     compile.args(["-o", "filters", "filters.c", "-lm"]);
     succeed(compile);
@@ -184,7 +195,7 @@ fn agree(filters: &[Filter], scenes: &[Scene]) -> usize {
         let per_filter = (3 * width * height + 1) * size_of::<f32>();
         assert_eq!(written.len(), filters.len() * per_filter);
         for (filter, written) in filters.iter().zip(written.chunks_exact(per_filter)) {
-            let code = Interpreter.compile(&plan(filter)).expect("compiles");
+            let code = Interpreter.compile(&plan(filter, precision)).expect("compiles");
             let filtered = code.run(scene, &[Rect::whole(scene)]).expect("runs").swap_remove(0);
             let Filtered { pixels, kept } = filtered;
             let channel = |c: usize| pixels.iter().map(move |pixel| pixel[c]);

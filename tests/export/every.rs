@@ -1,9 +1,9 @@
 //! What holds of exports in every language.
 
-use tamis::backend::Precision;
 use tamis::export::{ExportError, Language, Shading, export};
 use tamis::expr::{Feature, PlaneId, Quantity};
 use tamis::plan::Filter;
+use tamis::plan::Precision;
 
 use crate::fixture::parse;
 use crate::{bytes, known_and_shipped, text};
@@ -12,7 +12,7 @@ pub(crate) const CASES: &[(&str, fn())] = &[
     ("every::named_filters_are_written_as_they_were", named_filters_are_written_as_they_were),
     ("every::names_reach_comments_alone", names_reach_comments_alone),
     ("every::several_stages_are_refused", several_stages_are_refused),
-    ("every::only_shading_languages_are_less_than_exact", only_shading_languages),
+    ("every::only_code_is_less_than_exact", only_code),
     ("every::every_term_is_explained", every_term_is_explained),
     #[cfg(not(feature = "gpu"))]
     ("every::shading_languages_want_the_feature", shading_languages_want_the_feature),
@@ -95,26 +95,26 @@ fn several_stages_are_refused() {
     let mut filter = Filter::single("twice", parse("1"), 2);
     filter.stages.push(filter.stages[0].clone());
     for language in Language::ALL {
-        let error = export(&filter, language, Precision::Exact).expect_err("two stages");
+        let error = export(&filter, language, Precision::Standard).expect_err("two stages");
         assert_eq!(error, ExportError::Stages { filter: "twice".to_owned(), stages: 2 });
     }
     filter.stages.truncate(1);
     filter.stages[0].window.radius = 1000;
-    let refused = export(&filter, Language::C, Precision::Exact);
+    let refused = export(&filter, Language::C, Precision::Standard);
     assert!(matches!(refused, Err(ExportError::Plan { .. })));
 }
 
-fn only_shading_languages() {
+fn only_code() {
     let filter = Filter::single("fast", parse("exp(-distance2(normal, normal))"), 2);
     for language in languages() {
         let result = export(&filter, language, Precision::Fast);
         match language {
-            Language::C | Language::Latex => {
+            Language::Latex => {
                 let error = result.expect_err("there is nothing to choose");
                 assert_eq!(error, ExportError::AlwaysExact { language: language.name() });
             }
-            Language::Shading(_) => {
-                assert_ne!(result, export(&filter, language, Precision::Exact));
+            Language::C | Language::Shading(_) => {
+                assert_ne!(result, export(&filter, language, Precision::Standard));
             }
         }
     }
@@ -130,7 +130,7 @@ fn every_term_is_explained() {
         let filter = Filter::single(term, parse(&weight), 2);
         for language in languages() {
             // A binary has it too, as its source.
-            let export = bytes(&filter, language, Precision::Exact);
+            let export = bytes(&filter, language, Precision::Standard);
             let export = String::from_utf8_lossy(&export);
             let called = match language {
                 Language::C => vec![feature.identifier(quantity)],
@@ -153,7 +153,7 @@ fn every_term_is_explained() {
 #[cfg(not(feature = "gpu"))]
 fn shading_languages_want_the_feature() {
     for language in Language::ALL {
-        let result = export(&known_and_shipped()[0], language, Precision::Exact);
+        let result = export(&known_and_shipped()[0], language, Precision::Standard);
         match language {
             Language::C | Language::Latex => assert!(result.is_ok()),
             Language::Shading(_) => {

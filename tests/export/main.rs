@@ -18,9 +18,9 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Trial};
-use tamis::backend::Precision;
 use tamis::export::{Language, export};
 use tamis::expr::codebook;
+use tamis::plan::Precision;
 use tamis::plan::{Filter, Window};
 
 use harness::trial;
@@ -43,7 +43,7 @@ fn bytes(filter: &Filter, language: Language, precision: Precision) -> Vec<u8> {
 
 /// An exact export in a language that is text.
 fn text(filter: &Filter, language: Language) -> String {
-    let bytes = bytes(filter, language, Precision::Exact);
+    let bytes = bytes(filter, language, Precision::Standard);
     String::from_utf8(bytes).expect("the language is text")
 }
 

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use libtest_mimic::Trial;
-use tamis::backend::Precision;
 use tamis::export::{Language, Shading};
 use tamis::plan::Filter;
+use tamis::plan::Precision;
 
 use crate::every::hostile_names;
 use crate::fixture::{bred, parse};
@@ -57,7 +57,7 @@ const CASES_OF_A_CHECKER: &[Case] = &[
     ("any_name_compiles", Length::Long, || {
         let named = |name: String| Filter::single(name, parse("nVariance"), 2);
         let files = hostile_names().into_iter().map(named);
-        files.map(|filter| (format!("{:?}", filter.name), filter, Precision::Exact)).collect()
+        files.map(|filter| (format!("{:?}", filter.name), filter, Precision::Standard)).collect()
     }),
 ];
 
@@ -267,7 +267,7 @@ fn what_is_read_at_i_alone_has_a_buffer() {
             (Shading::Hlsl, "register(t2)", "register t2"),
             (Shading::Msl, "[[buffer(2)]]", "buffer 2"),
         ] {
-            let text = shader(&filter, shading, Precision::Exact);
+            let text = shader(&filter, shading, Precision::Standard);
             assert_eq!((text.contains(slot), text.contains(told)), (has_own, has_own), "{text}");
         }
     }
@@ -281,6 +281,6 @@ fn fast_means_built_in_functions() {
             assert!(fast.contains(function) && !exact.contains(function), "{fast}\n{exact}");
         }
         assert!(exact.contains("pinned(") && !fast.contains("pinned("));
-        assert!(exact.contains("precision exact") && fast.contains("precision fast"));
+        assert!(exact.contains("precision standard") && fast.contains("precision fast"));
     }
 }

@@ -5,10 +5,11 @@ use askama::Template;
 
 use super::device::Device;
 use super::error::GpuError;
-use crate::backend::wgsl::{Arithmetic, Dialect, Precision, Statements, functions, statements};
+use crate::backend::wgsl::{Arithmetic, Dialect, Statements, functions, statements};
 use crate::expr::builder::{Builder, Rules};
 use crate::expr::interval::Interval;
 use crate::expr::tape::{Input, Prim, Side, Tape};
+use crate::plan::Precision;
 
 /// Invocations per workgroup.
 const WORKGROUP: usize = 64;

@@ -16,7 +16,7 @@
 //! * **Pipelines** are kept by the text of their shader: frames whose plans differ
 //!   in facts that change nothing share one.
 //!
-//! What it promises: [`Precision::Exact`] is within [`ACCURACY`]
+//! What it promises: [`Precision::Standard`] is within [`ACCURACY`]
 //! of the exact filter, as the CPU back ends are, [`Precision::Fast`] within
 //! [`FAST_ACCURACY`]; a device gives the same bits every time. No bits are
 //! promised across devices.
@@ -40,18 +40,12 @@ pub use error::GpuError;
 
 use super::cpu::dense_taps;
 use super::shader::{Loads, QUAD, Shader, Style};
-use super::wgsl::{Arithmetic, Dialect, Precision};
-use super::{ACCURACY, Agreement, Backend, BackendError, Executable};
+use super::wgsl::{Arithmetic, Dialect};
+use super::{ACCURACY, Agreement, Backend, BackendError, Executable, FAST_ACCURACY};
 use crate::expr::tape::Tape;
-use crate::plan::Plan;
+use crate::plan::{Plan, Precision};
 use device::Device;
 use slots::Slots;
-
-/// What [`Precision::Fast`] promises where [`Precision::Exact`] promises
-/// [`ACCURACY`]: a pixel's difference from the exact colour, for weights of one
-/// sign. WGSL guarantees `exp2` to 3 + 2 abs(x) units in the last place, and
-/// weights below a millionth of the greatest hardly count.
-pub const FAST_ACCURACY: f64 = 1e-4;
 
 /// How a GPU is opened.
 #[derive(Clone, Debug)]
@@ -117,8 +111,8 @@ impl Gpu {
     pub fn with(adapter: &Adapter, options: &Options) -> Result<Self, GpuError> {
         let device = Device::open(adapter)?;
         let arithmetic = match (options.precision, options.arithmetic) {
-            (Precision::Exact, Some(assumed)) => assumed,
-            (Precision::Exact, None) => evaluate::probe(&device)?,
+            (Precision::Standard, Some(assumed)) => assumed,
+            (Precision::Standard, None) => evaluate::probe(&device)?,
             (Precision::Fast, _) => Arithmetic::WGSL,
         };
         let dialect = Dialect { precision: options.precision, arithmetic };
@@ -178,7 +172,7 @@ impl Backend for Gpu {
 
     fn agreement(&self) -> Agreement {
         Agreement::Budget(match self.0.style.dialect.precision {
-            Precision::Exact => ACCURACY,
+            Precision::Standard => ACCURACY,
             Precision::Fast => FAST_ACCURACY,
         })
     }

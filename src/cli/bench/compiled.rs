@@ -15,12 +15,12 @@ use tempfile::TempDir;
 
 use super::contest::{Contestant, Course, Lap, Runner};
 use super::program;
-use crate::backend::Precision;
 use crate::cli::apply::needs;
 use crate::cli::error::Error;
 use crate::export::{self, Language};
 use crate::expr::{Feature, PlaneId, Quantity};
 use crate::plan::Filter;
+use crate::plan::Precision;
 use crate::scene::{Image, Samples};
 
 const DRIVER: &str = include_str!("driver.c");
@@ -43,7 +43,7 @@ impl Compiled {
     pub(super) fn new(filter: &Filter, compiler: &Path, threads: usize) -> Result<Self, Error> {
         // The name that the driver knows.
         let named = Filter { name: "bench".to_owned(), ..filter.clone() };
-        let kernel = export::export(&named, Language::C, Precision::Exact)?;
+        let kernel = export::export(&named, Language::C, Precision::Standard)?;
         let images = export::images(&named)?;
         let mut assignments = String::new();
         let mut assign = |place: &str| {

@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 use clap::ValueEnum;
 
 use super::contest::{Contestant, Course, Lap, Runner};
-use crate::backend::{Backend, Executable, Filtered, Rect};
+use crate::backend::{Backend, Exact, Executable, Filtered, Rect};
 use crate::cli::apply::{needs, stage};
 use crate::cli::backend::{Lanes, Processor};
 use crate::cli::error::Error;
-use crate::plan::{Filter, Passes, Plan};
+use crate::plan::{Filter, Passes, Plan, Precision};
 use crate::scene::Image;
 
 /// Which back ends take part.
@@ -20,7 +20,7 @@ pub(super) enum Choice {
     Jit,
     /// The interpreter: the same bits, more slowly
     Interp,
-    /// A shader on the GPU, in both precisions
+    /// A shader on the GPU
     Gpu,
 }
 
@@ -28,6 +28,7 @@ pub(super) enum Choice {
 pub(super) struct Engine {
     pub(super) name: String,
     backend: Box<dyn Backend>,
+    precision: Precision,
     /// Whether the first pixels cost more than the others.
     lazy: bool,
 }
@@ -41,40 +42,66 @@ impl Choice {
         }
     }
 
-    /// Opens it, once for each width of its vectors or each of its precisions.
-    pub(super) fn open(self, lanes: &[Lanes], gpu: Option<&str>) -> Result<Vec<Engine>, Error> {
-        let on_processor = |processor: Processor, lanes: Lanes| {
+    /// Opens it, once for each of the precisions and each width of its vectors.
+    pub(super) fn open(
+        self,
+        precisions: &[Precision],
+        lanes: &[Lanes],
+        gpu: Option<&str>,
+    ) -> Result<Vec<Engine>, Error> {
+        let on_processor = |processor: Processor, precision: Precision, lanes: Lanes| {
             let backend = processor.open(lanes)?;
             let name = match lanes {
                 Lanes::Auto => backend.name().to_owned(),
                 _ => format!("{} {}", backend.name(), lanes.name()),
             };
-            Ok(Engine { name, backend, lazy: false })
+            Ok::<Engine, Error>(Engine {
+                name: precision.title(&name),
+                backend,
+                precision,
+                lazy: false,
+            })
         };
-        match self {
-            Self::Jit => lanes.iter().map(|&lanes| on_processor(Processor::Jit, lanes)).collect(),
-            Self::Interp => Ok(vec![on_processor(Processor::Interp, Lanes::Auto)?]),
-            Self::Gpu => on_gpu(gpu),
+        let mut engines = Vec::new();
+        for &precision in precisions {
+            match self {
+                Self::Jit => {
+                    for &lanes in lanes {
+                        engines.push(on_processor(Processor::Jit, precision, lanes)?);
+                    }
+                }
+                Self::Interp => {
+                    engines.push(on_processor(Processor::Interp, precision, Lanes::Auto)?);
+                }
+                Self::Gpu => engines.push(on_gpu(gpu, precision)?),
+            }
         }
+        Ok(engines)
+    }
+}
+
+impl Engine {
+    /// What filters mean, in f64.
+    pub(super) fn exact() -> Self {
+        let backend = Box::new(Exact);
+        let name = backend.name().to_owned();
+        Self { name, backend, precision: Precision::Standard, lazy: false }
     }
 }
 
 #[cfg(feature = "gpu")]
-fn on_gpu(gpu: Option<&str>) -> Result<Vec<Engine>, Error> {
-    use crate::backend::{Gpu, Precision, gpu::Options};
+fn on_gpu(gpu: Option<&str>, precision: Precision) -> Result<Engine, Error> {
+    use crate::backend::{Gpu, gpu::Options};
 
-    let opened = Precision::ALL.map(|precision| {
-        let adapter = gpu.map(str::to_owned);
-        let backend = Gpu::open(&Options { adapter, precision, ..Options::default() })?;
-        let name = format!("{} {}", backend.name(), precision.name());
-        // Drivers compile when a shader is first dispatched.
-        Ok(Engine { name, backend: Box::new(backend), lazy: true })
-    });
-    opened.into_iter().collect()
+    let adapter = gpu.map(str::to_owned);
+    let backend = Gpu::open(&Options { adapter, precision, ..Options::default() })?;
+    let name = precision.title(backend.name());
+    // Drivers compile when a shader is first dispatched.
+    Ok(Engine { name, backend: Box::new(backend), precision, lazy: true })
 }
 
 #[cfg(not(feature = "gpu"))]
-fn on_gpu(_: Option<&str>) -> Result<Vec<Engine>, Error> {
+fn on_gpu(_: Option<&str>, _: Precision) -> Result<Engine, Error> {
     Err(Error::NoGpu)
 }
 
@@ -99,11 +126,11 @@ impl Contestant for OnEngine {
         let name = || (course.scene.name().to_owned(), self.filter.name.clone());
         let start = Instant::now();
         let weights = std::slice::from_ref(&stage.weight);
-        let plan =
-            Plan::new(weights, stage.window, &course.facts, Passes::ALL).map_err(|source| {
-                let (scene, filter) = name();
-                Error::Plan { scene, filter, source }
-            })?;
+        let passes = Passes { precision: self.engine.precision, ..Passes::ALL };
+        let plan = Plan::new(weights, stage.window, &course.facts, passes).map_err(|source| {
+            let (scene, filter) = name();
+            Error::Plan { scene, filter, source }
+        })?;
         let failed = |source| {
             let (scene, filter) = name();
             Error::Run { scene, filter, source }

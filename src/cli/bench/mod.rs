@@ -22,12 +22,12 @@ use std::rc::Rc;
 use clap::Args;
 
 use super::apply::{needs, reach};
-use super::backend::Lanes;
+use super::backend::{Lanes, Tier};
 use super::error::Error;
 use super::log::Log;
 use super::score::filters;
 use super::{apply, scenes};
-use crate::plan::{Filter, Window};
+use crate::plan::{Filter, Precision, Window};
 use crate::report::{Format, Tradeoff};
 use crate::scene::{Facts, Image, LoadOptions, Needs, Scene, write_atomically};
 use compiled::Compiled;
@@ -73,6 +73,11 @@ pub(super) struct Bench {
     /// Bits of the vectors of machine code, each of them a back end of its own
     #[arg(long, num_args = 1.., value_enum, value_name = "BITS", default_value = "auto")]
     lanes: Vec<Lanes>,
+
+    /// How accurate filters are run, each a back end of its own; `exact` is one for all
+    /// [default: standard, on a GPU also fast]
+    #[arg(long, num_args = 1.., value_enum, value_name = "PRECISION")]
+    precision: Vec<Tier>,
 
     /// Which GPU: an index or a part of its name (see `tamis gpus`) [default: the
     /// best]
@@ -181,13 +186,30 @@ impl Bench {
         Ok(all)
     }
 
+    /// How accurate a back end is to run filters.
+    fn precisions(&self, choice: Choice) -> Vec<Precision> {
+        if self.precision.is_empty() {
+            return match choice {
+                Choice::Jit | Choice::Interp => vec![Precision::Standard],
+                Choice::Gpu => Precision::ALL.into(),
+            };
+        }
+        let code = self.precision.iter().filter(|&&tier| tier != Tier::Exact);
+        code.map(|tier| tier.precision()).collect()
+    }
+
     /// Everybody who takes part, in the order of the rows.
     fn entrants(&self, filters: &[Filter], threads: usize) -> Result<Vec<Entrant>, Error> {
         let processors = Choice::processors();
         let choices = if self.backend.is_empty() { &processors } else { &self.backend };
         let mut engines: Vec<Rc<Engine>> = Vec::new();
         for choice in choices {
-            engines.extend(choice.open(&self.lanes, self.gpu.as_deref())?.into_iter().map(Rc::new));
+            let precisions = self.precisions(*choice);
+            let opened = choice.open(&precisions, &self.lanes, self.gpu.as_deref())?;
+            engines.extend(opened.into_iter().map(Rc::new));
+        }
+        if self.precision.contains(&Tier::Exact) {
+            engines.push(Rc::new(Engine::exact()));
         }
         let mut entrants = Vec::new();
         for filter in filters {

@@ -24,7 +24,7 @@ use crate::evolve::{
     Restriction, Search, Settings, TrainingScene, history,
 };
 use crate::expr::{Feature, PlaneId, Tree, codebook};
-use crate::plan::{Filter, Passes, Source, Stage, Window};
+use crate::plan::{Filter, Passes, Precision, Source, Stage, Window};
 use crate::report::{Format, ScoreTable, Total, number};
 use crate::scene::{
     Fact, Facts, Image, LoadOptions, Needs, RawScene, Scene, SceneFiles, write_atomically,
@@ -290,7 +290,11 @@ fn stable_only<'a>(
     let screen = Screen::new(&grounds, window, backend, SEED)?;
     let objection = move |tree: &Tree| {
         let stage = Stage { weight: tree.clone(), window, source: Source::Color };
-        let engine = Engine { name: backend.name().to_owned(), backend: Ok(backend) };
+        let engine = Engine {
+            name: backend.name().to_owned(),
+            backend: Ok(backend),
+            precision: Precision::Standard,
+        };
         match certify("finalist", &stage, &grounds, &[engine], SEED) {
             Ok(certificate) => certificate.objection().map(str::to_owned),
             Err(error) => Some(error.to_string()),

@@ -16,6 +16,7 @@ use crate::plan::{Filter, Stage, Window};
 use crate::report::score::json;
 use crate::scene::{LoadOptions, RawScene, write_atomically};
 use crate::stress::{Engine, Ground, SEED, StressError, Verdict, certify, needs};
+use engines::Opened;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -79,16 +80,17 @@ impl Stress {
         let stage = apply::stage(&filter)?;
         let grounds = grounds(&self.scenes, stage)?;
         let opened = engines::open(self.lanes.lanes, self.gpu.as_deref())?;
-        for (name, backend) in &opened {
+        for Opened { name, backend, .. } in &opened {
             if let Err(absent) = backend {
                 log.say(format_args!("{name}: {absent}"));
             }
         }
         let engines: Vec<Engine<'_>> = opened
             .iter()
-            .map(|(name, backend)| Engine {
+            .map(|Opened { name, backend, precision }| Engine {
                 name: name.clone(),
                 backend: backend.as_ref().map(|b| &**b).map_err(Clone::clone),
+                precision: *precision,
             })
             .collect();
         let certificate = certify(&filter.name, stage, &grounds, &engines, self.seed)

@@ -8,13 +8,14 @@
 use std::fmt::Write;
 
 use super::valid::{Access, Valid};
-use crate::backend::gpu::FAST_ACCURACY;
+use crate::backend::ACCURACY;
+use crate::backend::FAST_ACCURACY;
 use crate::backend::shader::{QUAD, Shader};
-use crate::backend::{ACCURACY, Precision};
 use crate::export::header::{self, fill};
 use crate::export::term::Term;
 use crate::export::{Shading, Subject};
 use crate::expr::feature::PlaneId;
+use crate::plan::Precision;
 
 /// What is told to whoever calls a kernel.
 pub(super) struct Caller<'a> {
@@ -133,8 +134,8 @@ impl Caller<'_> {
     /// What is assumed of the device, and what comes of it.
     fn arithmetic(&self, language: Shading) -> String {
         match self.precision {
-            Precision::Exact => format!(
-                "Exported with --precision exact: within {ACCURACY:e} of the exact colour, where \
+            Precision::Standard => format!(
+                "Exported with --precision standard: within {ACCURACY:e} of the exact colour, where \
                  weights have one sign, on devices that round +, -, *, /, sqrt and fma once, as \
                  IEEE 754 does.{}",
                 condition(language)

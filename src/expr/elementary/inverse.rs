@@ -20,6 +20,7 @@ pub const ASIN: Unary = Unary {
     },
     budget: Budget { ulp: 2.5, absolute: 0.0 },
     fast: Fast { within: 1.0, budget: Budget { ulp: 8.0, absolute: 1e-6 } },
+    short: None,
 };
 
 /// `acos`, of the argument clamped into [-1, 1]. 19 primitives: the two halves
@@ -33,6 +34,7 @@ pub const ACOS: Unary = Unary {
     },
     budget: Budget { ulp: 1.5, absolute: 0.0 },
     fast: Fast { within: 1.0, budget: Budget { ulp: 8.0, absolute: 1e-6 } },
+    short: None,
 };
 
 /// `atan`. 18 primitives: an odd polynomial of degree 17 on [0, 1] (relative
@@ -46,6 +48,7 @@ pub const ATAN: Unary = Unary {
     },
     budget: Budget { ulp: 2.0, absolute: 0.0 },
     fast: Fast { within: LIMIT, budget: Budget { ulp: 8.0, absolute: 1e-6 } },
+    short: None,
 };
 
 /// (asin s / s - 1) / s^2, in powers of s^2.

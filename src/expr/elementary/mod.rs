@@ -49,9 +49,9 @@ mod power;
 pub(crate) mod suite;
 mod trig;
 
-pub use exp::EXP;
+pub use exp::{EXP, SHORT_EXP};
 pub use inverse::{ACOS, ASIN, ATAN};
-pub use power::{POW, SQRT};
+pub use power::{POW, SHORT_POW, SQRT};
 pub use trig::{COS, SIN, TAN};
 
 use super::builder::Builder;
@@ -83,22 +83,29 @@ mod tests {
     use super::super::function::{Binary, Unary};
     use super::*;
 
-    suite::conforms!(exp: EXP sin: SIN cos: COS tan: TAN asin: ASIN acos: ACOS atan: ATAN sqrt: SQRT);
+    suite::conforms!(exp: EXP short_exp: SHORT_EXP sin: SIN cos: COS tan: TAN asin: ASIN acos: ACOS atan: ATAN sqrt: SQRT);
 
     /// Random bit patterns seldom have a power that is neither 0 nor clamped:
     /// these exponents make one that is spread evenly over all magnitudes.
     #[test]
     fn pow() {
-        suite::check_pairs(POW, |random| {
-            let x = match random.between(0.0, 4.0) as u8 {
-                0 => random.any(),
-                1 => random.between(-4.0, 4.0) as f32,
-                2 => 1.0 + random.between(-0.7, 0.7).powi(9) as f32,
-                _ => random.between(0.7, 1.45) as f32,
-            };
-            let y = random.between(-130.0, 62.0) / f64::from(x).abs().log2();
-            (x, y.clamp(-1e18, 1e18) as f32)
-        });
+        suite::check_pairs(POW, any_power);
+    }
+
+    #[test]
+    fn short_pow() {
+        suite::check_pairs(SHORT_POW, any_power);
+    }
+
+    fn any_power(random: &mut suite::Random) -> (f32, f32) {
+        let x = match random.between(0.0, 4.0) as u8 {
+            0 => random.any(),
+            1 => random.between(-4.0, 4.0) as f32,
+            2 => 1.0 + random.between(-0.7, 0.7).powi(9) as f32,
+            _ => random.between(0.7, 1.45) as f32,
+        };
+        let y = random.between(-130.0, 62.0) / f64::from(x).abs().log2();
+        (x, y.clamp(-1e18, 1e18) as f32)
     }
 
     /// One result of a function of constants.

@@ -9,7 +9,7 @@
 //!
 //! | logarithm and product | primitives | time | worst | mean |
 //! |---|---|---|---|---|
-//! | in `f32` | 30 | 1.0 | 300 ulp | 12 ulp |
+//! | in `f32` | 36 | 1.0 | 300 ulp | 12 ulp |
 //! | in two parts | 48 | 1.4-1.5 | 3 ulp | 0.3 ulp |
 //!
 //! The second is what stands here. It has a further use: with a constant base
@@ -18,6 +18,7 @@
 
 use std::f32::consts::{LN_2, LOG2_E, SQRT_2};
 
+use super::exp::short_exp2;
 use super::{enclosure, horner};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
 use crate::expr::function::{Binary, Budget, Fast, Unary};
@@ -31,6 +32,7 @@ pub const SQRT: Unary = Unary {
     range: |x| x.clamped(0.0, f32::INFINITY).increasing(f32::sqrt),
     budget: Budget { ulp: 0.5, absolute: 0.0 },
     fast: Fast { within: LIMIT, budget: Budget { ulp: 5.0, absolute: 1.1e-19 } },
+    short: None,
 };
 
 /// `pow`: |x|^y, with a minus sign where x is negative and y an odd integer, so
@@ -48,10 +50,26 @@ pub const SQRT: Unary = Unary {
 pub const POW: Binary = Binary {
     meaning,
     build: pow,
-    range,
-    budget: Budget { ulp: 3.5, absolute: 1.1e-19 },
-    fast: Fast { within: 16.0, budget: Budget { ulp: 500.0, absolute: 1.1e-19 } },
+    range: |x, y| range(x, y, BUDGET),
+    budget: BUDGET,
+    fast: FAST,
+    short: Some(&SHORT_POW),
 };
+
+/// The same with the logarithm and the product in one part each, as in the table
+/// above: 36 primitives; the logarithm is a polynomial of degree 8 without a division.
+pub const SHORT_POW: Binary = Binary {
+    meaning,
+    build: short_pow,
+    range: |x, y| range(x, y, SHORT_BUDGET),
+    budget: SHORT_BUDGET,
+    fast: FAST,
+    short: None,
+};
+
+const BUDGET: Budget = Budget { ulp: 3.5, absolute: 1.1e-19 };
+const SHORT_BUDGET: Budget = Budget { ulp: 250.0, ..BUDGET };
+const FAST: Fast = Fast { within: 16.0, budget: Budget { ulp: 500.0, ..BUDGET } };
 
 /// The logarithm of 0: far enough to decide any exponent that means something,
 /// near enough that its product with any other stays finite, and a power of two,
@@ -76,6 +94,22 @@ const EXP2: [f32; 6] =
 /// Below this, 2^-128, the result is 0: the scale 2^-127 is flushed.
 const POWER_MIN: f64 = f32::MIN_POSITIVE as f64 / 4.0;
 
+/// The scale 2^-127 is 0, and 2^60 is above the limit.
+const EXPONENT_MIN: f32 = -127.0;
+const EXPONENT_MAX: f32 = 60.0;
+
+/// log2 (1 + f) / f, to 1.8e-7 of itself where 1 + f is in [sqrt(1/2), sqrt(2)).
+const SHORT_LOG2: [f32; 8] = [
+    1.442_694_9,
+    -0.721_352,
+    0.480_925_74,
+    -0.360_270_68,
+    0.287_077_96,
+    -0.248_556_67,
+    0.234_010_79,
+    -0.146_597_97,
+];
+
 /// Bound of the low part of y log2 x. Where the result is neither 0 nor clamped
 /// that part is a thousand times smaller; elsewhere it could be anything.
 const RESIDUE_MAX: f32 = 1.0 / 64.0;
@@ -95,12 +129,12 @@ fn is_odd(y: f64) -> bool {
     (y * 0.5).fract().abs() == 0.5
 }
 
-fn range(x: Interval, y: Interval) -> Interval {
+fn range(x: Interval, y: Interval, budget: Budget) -> Interval {
     // Operands are never beyond the limit, even if no more is known of them.
     let [x, y] = [x, y].map(|operand| operand.clamped(-LIMIT, LIMIT));
-    let positive = (x.hi >= 0.0).then(|| range_of_magnitude(x.clamped(0.0, LIMIT), y));
+    let positive = (x.hi >= 0.0).then(|| range_of_magnitude(x.clamped(0.0, LIMIT), y, budget));
     let negative = (x.lo < 0.0).then(|| {
-        let magnitude = range_of_magnitude((-x).clamped(0.0, LIMIT), y);
+        let magnitude = range_of_magnitude((-x).clamped(0.0, LIMIT), y, budget);
         match y.single() {
             Some(y) if is_odd(y.into()) => -magnitude,
             Some(_) => magnitude,
@@ -113,7 +147,7 @@ fn range(x: Interval, y: Interval) -> Interval {
 
 /// The range for a base that is not negative. The power is then monotone in
 /// either operand, so that its extremes are at the corners.
-fn range_of_magnitude(x: Interval, y: Interval) -> Interval {
+fn range_of_magnitude(x: Interval, y: Interval, budget: Budget) -> Interval {
     let corners = [(x.lo, y.lo), (x.lo, y.hi), (x.hi, y.lo), (x.hi, y.hi)]
         .map(|(x, y)| meaning(x.into(), y.into()));
     let lo = corners.into_iter().fold(f64::INFINITY, f64::min);
@@ -123,7 +157,7 @@ fn range_of_magnitude(x: Interval, y: Interval) -> Interval {
     if hi < POWER_MIN && !products {
         return Interval::point(0.0);
     }
-    enclosure(POW.budget, lo, hi).clamped(0.0, LIMIT)
+    enclosure(budget, lo, hi).clamped(0.0, LIMIT)
 }
 
 fn sqrt(b: &mut Builder, x: Value) -> Value {
@@ -136,13 +170,35 @@ fn pow(b: &mut Builder, x: Value, y: Value) -> Value {
     if let Some(power) = b.constant_of(y).and_then(|y| constant_power(b, x, y)) {
         return power;
     }
-    // The guards and signs below vanish where x is known to be positive.
+    // The guards and signs vanish where x is known to be positive.
     let log = match b.exponent_of(x) {
         Some(exponent) => logarithm_of_power(b, exponent),
         None => logarithm(b, x),
     };
     let power = exp2_of_product(b, y, log);
+    signed(b, x, y, power)
+}
 
+fn short_pow(b: &mut Builder, x: Value, y: Value) -> Value {
+    if let Some(power) = b.constant_of(y).and_then(|y| constant_power(b, x, y)) {
+        return power;
+    }
+    let log = match b.exponent_of(x) {
+        Some([exponent, _]) => short_logarithm_of_power(b, exponent),
+        None => short_logarithm(b, x),
+    };
+    let exponent = b.mul(y, log);
+    let clamped = b.clamp(exponent, EXPONENT_MIN, EXPONENT_MAX);
+    let power = short_exp2(b, clamped);
+    let limit = b.constant(LIMIT);
+    let power = b.min(power, limit);
+    let zero = b.constant(0.0);
+    b.set_exponent(power, clamped, zero);
+    signed(b, x, y, power)
+}
+
+/// The power of |x| with the sign of that of x.
+fn signed(b: &mut Builder, x: Value, y: Value, power: Value) -> Value {
     // y - 2 round(y / 2) is ±1 for odd integers, and less for all else.
     let (half, minus_two, one) = (b.constant(0.5), b.constant(-2.0), b.constant(1.0));
     let t = b.mul(y, half);
@@ -243,21 +299,46 @@ fn logarithm_of_power(b: &mut Builder, [high, low]: [Value; 2]) -> Parts {
     Parts { high, low, low_max: RESIDUE_MAX }
 }
 
-/// log2 of a positive normal number, to 2^-28 of itself.
-fn log2(b: &mut Builder, x: Value) -> Parts {
-    let one = b.constant(1.0);
-
-    // x = 2^e m with m in [sqrt(1/2), sqrt(2)).
+/// e and f with x = 2^e (1 + f), 1 + f in [sqrt(1/2), sqrt(2)).
+fn split(b: &mut Builder, x: Value) -> [Value; 2] {
     let sqrt_2 = b.constant(SQRT_2);
     let shifted = b.mul(x, sqrt_2);
     let e = b.exponent(shifted);
     let minus_e = b.neg(e);
     let scale = b.exp2i(minus_e);
     let m = b.mul(x, scale);
+    let one = b.constant(1.0);
+    [e, b.sub(m, one)]
+}
 
-    // s = f / (1 + f/2) rounded, f = m - 1. The subtraction f - s is exact, so
+/// log2 |x|, that of 0 included, in one part.
+fn short_logarithm(b: &mut Builder, x: Value) -> Value {
+    let magnitude = b.abs(x);
+    let smallest = b.constant(f32::MIN_POSITIVE);
+    let normal = b.max(magnitude, smallest);
+    let [e, f] = split(b, normal);
+    let series = horner(b, f, &SHORT_LOG2);
+    let log = b.fma(f, series, e);
+    b.stands_for(log, Native::Log2, normal);
+    let log2_zero = b.constant(LOG2_ZERO);
+    b.select_lt(magnitude, smallest, log2_zero, log)
+}
+
+/// The same of a value that is itself a power, from the exponent it was made with.
+fn short_logarithm_of_power(b: &mut Builder, exponent: Value) -> Value {
+    let (least, greatest) = (b.constant(-126.0), b.constant(LOG2_LIMIT));
+    let clamped = b.min(exponent, greatest);
+    let log2_zero = b.constant(LOG2_ZERO);
+    b.select_lt(exponent, least, log2_zero, clamped)
+}
+
+/// log2 of a positive normal number, to 2^-28 of itself.
+fn log2(b: &mut Builder, x: Value) -> Parts {
+    let one = b.constant(1.0);
+    let [e, f] = split(b, x);
+
+    // s = f / (1 + f/2) rounded. The subtraction f - s is exact, so
     // rest = f - s (1 + f/2) is what s leaves over, however the divisor was rounded.
-    let f = b.sub(m, one);
     let minus_half = b.constant(-0.5);
     let h = b.mul(f, minus_half);
     let divisor = b.sub(one, h);
@@ -307,8 +388,7 @@ fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     b.assume(low, Interval::new(-bound, bound));
     let low = b.clamp(low, -RESIDUE_MAX, RESIDUE_MAX);
 
-    // 2^60 is above the limit, and the scale 2^-127 is 0.
-    let high = b.clamp(high, -127.0, 60.0);
+    let high = b.clamp(high, EXPONENT_MIN, EXPONENT_MAX);
     let n = b.round(high);
     let g = b.sub(high, n);
     let g = b.add(g, low);

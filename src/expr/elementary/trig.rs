@@ -35,6 +35,7 @@ pub const SIN: Unary = Unary {
     },
     budget: Budget { ulp: 2.0, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 2.0, absolute: 2e-6 } },
+    short: None,
 };
 
 /// `cos`, of the argument clamped into ±1e5. 19 primitives: the same polynomial,
@@ -52,6 +53,7 @@ pub const COS: Unary = Unary {
     },
     budget: Budget { ulp: 2.1, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 2.1, absolute: 2e-6 } },
+    short: None,
 };
 
 /// `tan`, of the argument clamped into ±1e5. 19 primitives: one quotient
@@ -72,6 +74,7 @@ pub const TAN: Unary = Unary {
     },
     budget: Budget { ulp: 3.2, absolute: 0.0 },
     fast: Fast { within: 1.0, budget: Budget { ulp: 8.0, absolute: 2e-6 } },
+    short: None,
 };
 
 /// No tangent of an `f32` within ±[`ARGUMENT_MAX`] is greater.

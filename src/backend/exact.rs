@@ -1,0 +1,84 @@
+//! Exact results as a back end: what the weights mean, and their sums, in f64.
+
+use rayon::prelude::*;
+
+use super::oracle::{self, Exact as Pixel};
+use super::{ACCURACY, TRUSTED_SHARE, TRUSTED_SUM, color_at};
+use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect, inside};
+use crate::plan::{Plan, Source, Stage};
+use crate::scene::Scene;
+
+/// The [`oracle`] as a back end. Only the last step rounds to `f32`, so that colours are
+/// within half a unit in the last place of what f64 gives. It looks at the plan's
+/// weights as they were given, evaluates them node by node, and takes some hundred times
+/// as long as machine code.
+#[derive(Clone, Copy, Debug)]
+pub struct Exact;
+
+impl Backend for Exact {
+    fn name(&self) -> &'static str {
+        "exact"
+    }
+
+    fn agreement(&self) -> Agreement {
+        Agreement::Budget(ACCURACY)
+    }
+
+    fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
+        let stage = |weight: &_| Stage {
+            weight: Clone::clone(weight),
+            window: plan.window(),
+            source: Source::Color,
+        };
+        Ok(Box::new(Meaning { stages: plan.expressions().iter().map(stage).collect() }))
+    }
+}
+
+struct Meaning {
+    stages: Vec<Stage>,
+}
+
+impl Executable for Meaning {
+    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+        inside(scene, region)?;
+        for stage in &self.stages {
+            if let Some(&plane) = stage.weight.planes().iter().find(|&&p| scene.plane(p).is_none())
+            {
+                return Err(BackendError::NotLoaded(plane));
+            }
+        }
+        Ok(self.stages.iter().map(|stage| filter(scene, stage, region)).collect())
+    }
+}
+
+fn filter(scene: &Scene, stage: &Stage, region: &[Rect]) -> Filtered {
+    let rows: Vec<Rect> = region
+        .iter()
+        .flat_map(|&rect| (0..rect.height).map(move |k| Rect { y: rect.y + k, height: 1, ..rect }))
+        .collect();
+    let filtered: Vec<(Vec<[f32; 3]>, usize)> = rows
+        .par_iter()
+        .map(|&row| {
+            let mut kept = 0;
+            let exact = oracle::filter(scene, stage, row);
+            let colors = exact.iter().zip(row.x..).map(|(exact, x)| {
+                trusted(exact).unwrap_or_else(|| {
+                    kept += 1;
+                    color_at(scene, x, row.y)
+                })
+            });
+            (colors.collect(), kept)
+        })
+        .collect();
+    let kept = filtered.iter().map(|(_, kept)| kept).sum();
+    Filtered { pixels: filtered.into_iter().flat_map(|(colors, _)| colors).collect(), kept }
+}
+
+/// The pixel's colour, unless the guard keeps the noisy one.
+fn trusted(exact: &Pixel) -> Option<[f32; 3]> {
+    let total = exact.total.abs();
+    let trusted = total >= f64::from(TRUSTED_SUM)
+        && total >= f64::from(TRUSTED_SHARE) * exact.magnitude
+        && exact.color.iter().all(|c| c.is_finite());
+    trusted.then(|| exact.color.map(|c| c as f32))
+}
