@@ -10,6 +10,8 @@ mod stress;
 use std::fs;
 use std::process::Stdio;
 
+#[cfg(debug_assertions)]
+use place::write_b44;
 use place::{EDGE_AWARE, NOISY, Place, WIDTH, json, stderr, write_exr};
 use serde_json::Value;
 use tamis::scene::Image;
@@ -130,6 +132,29 @@ fn errors_name_what_is_at_fault_and_leave_nothing_behind() {
     place.fails(1, &["score", "--scenes", "nowhere"], &["nowhere", "NOISY.exr,REFERENCE.exr"]);
     place.fails(1, &["evolve"], &["data/train"]);
     place.fails(1, &["evolve", "--resume", "--scenes", "room"], &["checkpoint.json"]);
+}
+
+/// The decoder's arithmetic overflows, which is a panic in builds that check for it.
+#[test]
+#[cfg(debug_assertions)]
+fn a_panic_of_the_decoder_is_an_error_and_nothing_else() {
+    let place = Place::new();
+    write_b44(&place.path("b44.exr"));
+    place.done(&["inspect", "b44.exr"]);
+    let mut bytes = place.bytes("b44.exr");
+    // The only chunk ends the file: its size, then blocks of 4 x 4 samples, of which the
+    // first is 0 with the others 2^17 less.
+    let end = bytes.len();
+    let size = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|k| bytes[at + k])) as usize;
+    let start = (4..end).find(|&at| size(at - 4) == end - at).expect("the chunk's size");
+    bytes[start..].fill(0);
+    bytes[start + 2] = 12 << 2;
+    fs::write(place.path("b44.exr"), bytes).expect("writable");
+    let denoise = ["denoise", "b44.exr", "-o", "out.exr", "--filter", "1"];
+    for arguments in [&denoise[..], &["inspect", "b44.exr"]] {
+        let said = place.fails(1, arguments, &["b44.exr", "break the decoder's assumptions"]);
+        assert_eq!(said.lines().count(), 1, "{said}");
+    }
 }
 
 #[test]

@@ -51,6 +51,18 @@ pub(crate) fn write_exr(path: &Path, channels: &[Channel]) {
     Image::from_layer(layer).write().to_file(path).expect("a writable folder");
 }
 
+/// A grey image in half floats, compressed as B44, in one chunk.
+#[cfg(debug_assertions)]
+pub(crate) fn write_b44(path: &Path) {
+    let samples = || FlatSamples::F16(vec![exr::prelude::f16::from_f32(0.5); WIDTH * HEIGHT]);
+    let channels = ["R", "G", "B"].map(|name| AnyChannel::new(name, samples()));
+    let encoding =
+        Encoding { compression: exr::prelude::Compression::B44, ..Encoding::FAST_LOSSLESS };
+    let channels = AnyChannels::sort(channels.into_iter().collect());
+    let layer = Layer::new((WIDTH, HEIGHT), Default::default(), encoding, channels);
+    Image::from_layer(layer).write().to_file(path).expect("a writable folder");
+}
+
 /// A folder with a scene in it: `room/4spp.exr` and `room/reference.exr`.
 pub(crate) struct Place {
     folder: tempfile::TempDir,

@@ -18,7 +18,8 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::dwa;
-use super::header::{Attributes, Header, SampleKind, guarded, open};
+use super::guard::guarded;
+use super::header::{Attributes, Header, SampleKind, open};
 use crate::scene::SceneError;
 
 /// Chunks in flight at a time.

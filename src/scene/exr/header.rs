@@ -3,13 +3,13 @@
 use std::fmt;
 use std::fs::File;
 use std::io::BufReader;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use exr::block::reader::Reader;
 use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 
+use super::guard::guarded;
 use crate::scene::SceneError;
 use crate::scene::error::listing;
 
@@ -242,52 +242,6 @@ fn plausible(
         )));
     }
     Ok(())
-}
-
-/// Runs a decoder step; its errors and its panics become errors about `path`.
-///
-/// The `exr` crate guards against most damaged files by errors, but asserts
-/// some invariants that a damaged file can break.
-pub(super) fn guarded<T>(
-    path: &Path,
-    step: impl FnOnce() -> exr::error::Result<T>,
-) -> Result<T, SceneError> {
-    let corrupt = |detail: String| SceneError::Corrupt { path: path.to_owned(), detail };
-    match catch_unwind(AssertUnwindSafe(step)) {
-        Ok(Ok(value)) => Ok(value),
-        Ok(Err(exr::error::Error::Io(source))) => {
-            Err(SceneError::Io { path: path.to_owned(), action: "read", source })
-        }
-        Ok(Err(exr::error::Error::NotSupported(what))) => Err(unsupported(path, &what)),
-        // The crate's words for an unexpected end of the file.
-        Ok(Err(exr::error::Error::Invalid(what))) if what == "reference to missing bytes" => {
-            Err(corrupt("it ends too early".to_owned()))
-        }
-        Ok(Err(exr::error::Error::Invalid(what))) => Err(corrupt(what.into_owned())),
-        Ok(Err(exr::error::Error::Aborted)) => Err(corrupt("reading was aborted".to_owned())),
-        Err(_) => Err(corrupt("its contents break the decoder's assumptions".to_owned())),
-    }
-}
-
-/// The crate refuses a file as a whole for one part that it cannot read.
-fn unsupported(path: &Path, what: &str) -> SceneError {
-    let (what, advice) = if what.contains("deep") {
-        (
-            "the file holds deep data (several samples per pixel)".to_owned(),
-            "flatten it to one sample per pixel",
-        )
-    } else if what.contains("subsampling") {
-        (
-            "the file holds a channel with fewer samples than pixels (subsampled)".to_owned(),
-            "save the image as RGB, not as luminance and chroma",
-        )
-    } else {
-        (
-            format!("the file needs something that is not supported ({what})"),
-            "save it as a flat OpenEXR 2 file with ZIP compression",
-        )
-    };
-    SceneError::Unsupported { path: path.to_owned(), what, advice }
 }
 
 fn part(header: &exr::meta::header::Header, several: bool) -> Part {

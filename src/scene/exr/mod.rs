@@ -14,10 +14,11 @@
 //!
 //! **Trust.** Files come from anywhere. Sizes are checked against the file's
 //! length before anything of that size is allocated, and a panic inside the
-//! decoder becomes [`SceneError::Corrupt`](super::SceneError::Corrupt).
+//! decoder becomes [`SceneError::Corrupt`](super::SceneError::Corrupt), silently.
 
 mod decode;
 mod dwa;
+mod guard;
 mod header;
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,8 @@ use exr::meta::attribute::{IntegerBounds, LineOrder};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{Compression, SmallVec, WritableImage};
 
-use super::header::{Attributes, guarded};
+use super::guard::guarded;
+use super::header::Attributes;
 use crate::scene::SceneError;
 use crate::scene::output::write_atomically;
 
