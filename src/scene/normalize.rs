@@ -9,6 +9,8 @@
 //!   divided by the *extent*, the greatest of the three distances between the
 //!   axis' 5th and 95th percentile. A floor that runs to the horizon, or one far
 //!   mountain, hardly moves either.
+//!   Positions that are one point up to rounding have no extent: what stands in is
+//!   their distance from the world's origin, beside which rounding errors stay small.
 //! - **Depth** is divided by the same extent, or where the file has no positions
 //!   by the 95th percentile of its own non-zero values.
 //! - **Pixels that hit nothing** have 0 in depth and in all components of the
@@ -35,6 +37,11 @@ use rayon::prelude::*;
 /// also hold where one far object would stretch the box.
 const NEAR: f64 = 0.05;
 const FAR: f64 = 0.95;
+
+/// Extents up to this share of the coordinates' magnitude are rounding errors: some sixteen
+/// units in the last place. A renderer gets a position by a multiplication and an
+/// addition or two, some more through instances, each half a unit off.
+const ROUNDING: f32 = 16.0 * f32::EPSILON;
 
 /// How colours are laid out for weights, after division by the exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -128,7 +135,7 @@ pub fn hits(evidence: &[Vec<f32>]) -> Vec<bool> {
 /// Centre and extent of the positions of the pixels that hit something.
 pub fn geometry(position: &[Vec<f32>], hits: &[bool]) -> ([f32; 3], f32) {
     // A median of a million numbers takes as long as filtering some rows.
-    let axes: Vec<[f32; 3]> = position
+    let axes: Vec<(f32, [Span; 2])> = position
         .par_iter()
         .take(3)
         .map(|samples| {
@@ -138,23 +145,51 @@ pub fn geometry(position: &[Vec<f32>], hits: &[bool]) -> ([f32; 3], f32) {
                 .filter(|&(x, &hit)| hit && x.is_finite())
                 .map(|(&x, _)| x)
                 .collect();
-            let mut span = |low, high| {
-                let low = quantile(&mut seen, low).unwrap_or(0.0);
-                quantile(&mut seen, high).unwrap_or(0.0) - low
-            };
-            let (extent, full) = (span(NEAR, FAR), span(0.0, 1.0));
-            [quantile(&mut seen, 0.5).unwrap_or(0.0), extent, full]
+            let spans = [Span::of(&mut seen, NEAR, FAR), Span::of(&mut seen, 0.0, 1.0)];
+            (quantile(&mut seen, 0.5).unwrap_or(0.0), spans)
         })
         .collect();
     let mut center = [0.0; 3];
-    let (mut extent, mut full) = (0.0f32, 0.0f32);
-    for (center, [middle, near, all]) in center.iter_mut().zip(axes) {
+    let [mut near, mut full] = [Span::default(); 2];
+    for (center, (middle, [axis_near, axis_full])) in center.iter_mut().zip(axes) {
         *center = middle;
-        extent = extent.max(near);
-        full = full.max(all);
+        near = near.join(axis_near);
+        full = full.join(axis_full);
     }
     // Almost everything in one point: what is not, tells the size.
-    (center, usable(extent).or(usable(full)).unwrap_or(1.0))
+    let extent = near.length().or(full.length()).or(usable(near.magnitude));
+    (center, extent.unwrap_or(1.0))
+}
+
+/// How far coordinates reach.
+#[derive(Clone, Copy, Debug, Default)]
+struct Span {
+    /// From the least to the greatest.
+    extent: f32,
+    /// The greater magnitude of the two.
+    magnitude: f32,
+}
+
+impl Span {
+    /// Of coordinates between two quantiles. Reorders them.
+    fn of(coordinates: &mut [f32], low: f64, high: f64) -> Self {
+        let [low, high] = [low, high].map(|q| quantile(coordinates, q).unwrap_or(0.0));
+        Self { extent: high - low, magnitude: low.abs().max(high.abs()) }
+    }
+
+    /// Of several axes: an error in one coordinate comes from all, wherever the
+    /// world was turned.
+    fn join(self, other: Self) -> Self {
+        Self {
+            extent: self.extent.max(other.extent),
+            magnitude: self.magnitude.max(other.magnitude),
+        }
+    }
+
+    /// The extent, if it is more than rounding errors and can be divided by.
+    fn length(self) -> Option<f32> {
+        usable(self.extent).filter(|&extent| extent > ROUNDING * self.magnitude)
+    }
 }
 
 /// The extent of a scene that is known by its depths alone.
@@ -207,8 +242,42 @@ mod tests {
     #[test]
     fn a_single_point_and_no_point_have_a_usable_extent() {
         let point = [vec![5.0], vec![5.0], vec![5.0]];
-        assert_eq!(geometry(&point, &[true]), ([5.0; 3], 1.0));
+        assert_eq!(geometry(&point, &[true]), ([5.0; 3], 5.0));
         assert_eq!(geometry(&point, &[false]), ([0.0; 3], 1.0));
+        assert_eq!(geometry(&[vec![0.0; 2], vec![0.0; 2], vec![0.0; 2]], &[true; 2]).1, 1.0);
         assert_eq!(depth_extent(&[0.0, 0.0]), 1.0);
+    }
+    #[test]
+    fn rounding_errors_are_no_extent() {
+        let hit = [true; 100];
+        // A point, computed with errors of up to `ulps` units in the last place.
+        let point = |at: f32, ulps: u32| -> Vec<f32> {
+            (0..100).map(|i| f32::from_bits(at.to_bits() + i % (ulps + 1))).collect()
+        };
+        for scale in [1.0, 1e-20, 1e6] {
+            let positions = [point(3.0 * scale, 7), point(0.25 * scale, 3), vec![0.0; 100]];
+            let (center, extent) = geometry(&positions, &hit);
+            assert!((extent / scale - 3.0).abs() < 1e-5, "{extent} for {scale}");
+            // What the extent is for: errors stay errors.
+            for (axis, center) in positions.iter().zip(center) {
+                assert!(axis.iter().all(|x| ((x - center) / extent).abs() < 1e-5), "{scale}");
+            }
+            // What is as small beside another axis is an error too, and what is not, is none.
+            let beside = [point(3.0 * scale, 0), point(1e-3 * scale, 99), vec![0.0; 100]];
+            assert_eq!(geometry(&beside, &hit).1, 3.0 * scale);
+            let wall = [point(3.0 * scale, 99), point(3.0 * scale, 0), vec![0.0; 100]];
+            assert!(geometry(&wall, &hit).1 < 1e-4 * scale, "{scale}");
+        }
+    }
+
+    #[test]
+    fn one_pixel_that_is_elsewhere_tells_the_size_unless_by_rounding() {
+        let hit = [true; 100];
+        let mut x = vec![7.0; 100];
+        x[50] = 9.0;
+        let zeros = vec![0.0; 100];
+        assert_eq!(geometry(&[x.clone(), zeros.clone(), zeros.clone()], &hit).1, 2.0);
+        x[50] = 7.0f32.next_up();
+        assert_eq!(geometry(&[x, zeros.clone(), zeros], &hit).1, 7.0);
     }
 }
