@@ -13,8 +13,9 @@ use super::host;
 use crate::expr::{Feature, PlaneId, Quantity};
 use crate::report::score::json;
 use crate::report::{Align, Format, Table, number};
+use crate::scene::defect::Defect;
 use crate::scene::exr::{Channel, Part};
-use crate::scene::inspect::{Inspection, Scan};
+use crate::scene::inspect::{Finding, Inspection, Scan, Scans};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -24,7 +25,14 @@ Examples:
 
 FEEDS names the term of expressions that reads a channel. A variance that the
 file lacks is estimated from the image where a filter reads it; gradients are
-always derived.";
+always derived.
+
+Bad pixels are those that filters cannot use or should not trust. By default what
+is no number, or beyond ±1e18, is replaced by the median of the good samples
+around it (`denoise --repair`). Negative samples are listed where they mean
+nothing (in light, albedo, depth and variances), fireflies where a pixel is more
+than 16 times as bright as the median of the 24 around it and of the image: both
+are left to the filter.";
 
 /// List a file's channels, what they feed, and what is wrong with them; or what
 /// this processor can do.
@@ -53,6 +61,7 @@ struct Findings {
     samples_per_pixel: Option<u32>,
     layers: Vec<LayerEntry>,
     features: Vec<FeatureEntry>,
+    bad_pixels: Vec<BadEntry>,
 }
 
 #[derive(Serialize)]
@@ -85,6 +94,18 @@ struct SamplesEntry {
     /// Finite, but beyond ±1e18.
     huge: usize,
     negative: usize,
+}
+
+#[derive(Serialize)]
+struct BadEntry {
+    defect: &'static str,
+    /// The channel; of fireflies, the feature.
+    of: String,
+    count: usize,
+    /// Columns and rows of the first ones.
+    first: Vec<(usize, usize)>,
+    /// What becomes of them by default.
+    fate: &'static str,
 }
 
 #[derive(Serialize)]
@@ -128,7 +149,8 @@ impl Inspect {
 }
 
 impl Findings {
-    fn new(inspection: &Inspection, scans: &BTreeMap<String, Scan>) -> Self {
+    fn new(inspection: &Inspection, scans: &Scans) -> Self {
+        let Scans { channels: scans, findings } = scans;
         let header = inspection.header();
         let roles: BTreeMap<&str, PlaneId> = inspection
             .channels()
@@ -150,6 +172,7 @@ impl Findings {
             samples_per_pixel: header.samples_per_pixel(),
             layers: header.parts().iter().map(layer).collect(),
             features: stored.map(|feature| feature_entry(feature, inspection, scans)).collect(),
+            bad_pixels: findings.iter().map(BadEntry::new).collect(),
         }
     }
 
@@ -190,7 +213,63 @@ impl Findings {
             table.row([entry.feature.to_owned(), status.to_owned(), from, variance]);
         }
         text.push_str(&table.render(Format::Plain));
+        text.push_str(&self.bad_pixels());
         text
+    }
+
+    fn bad_pixels(&self) -> String {
+        if self.bad_pixels.is_empty() {
+            return "\nBad pixels: none\n".to_owned();
+        }
+        let mut table = Table::new([
+            ("defect", Align::Left),
+            ("in", Align::Left),
+            ("pixels", Align::Right),
+            ("first at (x, y)", Align::Left),
+            ("by default", Align::Left),
+        ]);
+        for bad in &self.bad_pixels {
+            let mut first: Vec<String> =
+                bad.first.iter().map(|(x, y)| format!("({x}, {y})")).collect();
+            if bad.count > first.len() {
+                first.push("…".to_owned());
+            }
+            table.row([
+                bad.defect.to_owned(),
+                bad.of.clone(),
+                number::count(bad.count),
+                first.join(" "),
+                bad.fate.to_owned(),
+            ]);
+        }
+        format!("\nBad pixels\n{}", table.render(Format::Plain))
+    }
+}
+
+impl BadEntry {
+    fn new(finding: &Finding) -> Self {
+        let fate = match (finding.defect, finding.quantity) {
+            (_, None) => "no filter reads it",
+            (Defect::Far, _) => "set to 0: nothing was hit",
+            (Defect::Nan | Defect::Infinite | Defect::Huge, _) => "median of the good ones around",
+            (Defect::Negative, Some(Quantity::Variance)) => "counted as 0",
+            (Defect::Negative, Some(Quantity::Value | Quantity::Gradient)) => "kept",
+            (Defect::Firefly, _) => "kept",
+        };
+        Self {
+            defect: match finding.defect {
+                Defect::Far => "far",
+                Defect::Nan => "nan",
+                Defect::Infinite => "infinite",
+                Defect::Huge => "huge",
+                Defect::Negative => "negative",
+                Defect::Firefly => "firefly",
+            },
+            of: finding.of.clone(),
+            count: finding.count,
+            first: finding.first.clone(),
+            fate,
+        }
     }
 }
 

@@ -12,9 +12,9 @@ use crate::scene::{LoadOptions, Repair};
 enum RepairChoice {
     /// Replace each by the median of the good ones around it
     Median,
-    /// Leave them in: they spread over the window
+    /// Leave them in: one in the colour keeps its whole window noisy
     None,
-    /// Refuse the image
+    /// Refuse the image, naming the channel and the first pixel
     Error,
 }
 

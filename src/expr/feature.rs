@@ -72,6 +72,8 @@ pub struct FeatureRow {
     pub width: usize,
     /// What its values are measured in.
     pub unit: Unit,
+    /// Whether its values have two signs.
+    pub signed: bool,
     /// One line for people.
     pub doc: &'static str,
 }
@@ -85,6 +87,7 @@ const TABLE: [FeatureRow; 8] = [
         variance_channels: &["Position.Variance"],
         width: 3,
         unit: Unit::Place,
+        signed: true,
         doc: "world-space position of the first hit, relative to the visible geometry's extent",
     },
     FeatureRow {
@@ -95,6 +98,7 @@ const TABLE: [FeatureRow; 8] = [
         variance_channels: &["Normal.Variance"],
         width: 3,
         unit: Unit::Own,
+        signed: true,
         doc: "shading normal at the first hit",
     },
     FeatureRow {
@@ -105,6 +109,7 @@ const TABLE: [FeatureRow; 8] = [
         variance_channels: &["Albedo.Variance"],
         width: 3,
         unit: Unit::Own,
+        signed: false,
         doc: "diffuse albedo at the first hit",
     },
     FeatureRow {
@@ -115,6 +120,7 @@ const TABLE: [FeatureRow; 8] = [
         variance_channels: &["SecondaryAlbedo.Variance"],
         width: 3,
         unit: Unit::Own,
+        signed: false,
         doc: "diffuse albedo seen through glossy or specular reflection",
     },
     FeatureRow {
@@ -125,6 +131,7 @@ const TABLE: [FeatureRow; 8] = [
         variance_channels: &["Depth.Variance"],
         width: 1,
         unit: Unit::Length,
+        signed: false,
         doc: "distance to the first hit, relative to the visible geometry's extent",
     },
     FeatureRow {
@@ -135,6 +142,7 @@ const TABLE: [FeatureRow; 8] = [
         variance_channels: &["Direct.Variance"],
         width: 3,
         unit: Unit::Light,
+        signed: false,
         doc: "direct illumination at the first hit, relative to the image's exposure",
     },
     FeatureRow {
@@ -145,6 +153,7 @@ const TABLE: [FeatureRow; 8] = [
         variance_channels: &["Variance.R", "Variance.G", "Variance.B"],
         width: 3,
         unit: Unit::Light,
+        signed: false,
         doc: "the noisy colour, relative to the image's exposure",
     },
     FeatureRow {
@@ -155,6 +164,7 @@ const TABLE: [FeatureRow; 8] = [
         variance_channels: &[],
         width: 2,
         unit: Unit::Own,
+        signed: false,
         doc: "the pixel's coordinates, in pixels",
     },
 ];

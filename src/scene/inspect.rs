@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::SceneError;
+use super::defect::{self, Defect, Tally};
 use super::exr::{Channel, Header, Part, read_channels};
 use super::mapping::Mapping;
 use super::repair::is_good;
@@ -63,20 +64,99 @@ impl Inspection {
     }
 
     /// Decodes every channel, one part at a time (parts may differ in size), and
-    /// says what is in it, by full name.
+    /// says what is in them and what is wrong with it.
     ///
     /// # Errors
     /// If the file turns out to be damaged.
-    pub fn scan(&self) -> Result<BTreeMap<String, Scan>, SceneError> {
-        let mut scans = BTreeMap::new();
+    pub fn scan(&self) -> Result<Scans, SceneError> {
+        let mut scans = Scans::default();
+        // Fireflies show in a feature's components together.
+        let mut values = BTreeMap::new();
         for part in self.header.parts() {
             let names: Vec<&str> = part.channels.iter().map(|c| c.name.as_str()).collect();
             let pixels = read_channels(self.header.path(), &names)?;
-            let all = pixels.channels.into_iter();
-            scans.extend(all.map(|(name, samples)| (name, Scan::of(&samples))));
+            for (name, mut samples) in pixels.channels {
+                let role = self.roles.get(&name).copied();
+                scans.channels.insert(name.clone(), Scan::of(&samples));
+                scans.findings.extend(findings(&name, &mut samples, role, part.size.0));
+                if role.is_some_and(|plane| plane.quantity == Quantity::Value) {
+                    values.insert(name, (part.size, samples));
+                }
+            }
+        }
+        for feature in Feature::ALL {
+            let Some(source) = self.mapping.value(feature) else { continue };
+            let mut parts = source.channels.iter().filter_map(|name| values.remove(name));
+            let Some((size, first)) = parts.next() else { continue };
+            // Components of several sizes are no feature, which loading them will say.
+            let others = parts.filter(|(other, _)| *other == size).map(|(_, samples)| samples);
+            let components: Vec<_> = std::iter::once(first).chain(others).collect();
+            let finding = |tally: Tally| {
+                let quantity = Some(Quantity::Value);
+                Finding::new(Defect::Firefly, feature.row().name, quantity, &tally, size.0)
+            };
+            let found = defect::fireflies(&components, size.0, feature);
+            scans.findings.extend(found.map(finding));
         }
         Ok(scans)
     }
+}
+
+/// What is in a file.
+#[derive(Clone, Debug, Default)]
+pub struct Scans {
+    /// What the samples are like, by the channel's full name.
+    pub channels: BTreeMap<String, Scan>,
+    /// All that is wrong, or looks it.
+    pub findings: Vec<Finding>,
+}
+
+/// Pixels of a channel, or of a feature, with a defect.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// What is wrong.
+    pub defect: Defect,
+    /// The channel's full name; of fireflies, the feature.
+    pub of: String,
+    /// What the channel feeds with it, if anything.
+    pub quantity: Option<Quantity>,
+    /// How many pixels.
+    pub count: usize,
+    /// Columns and rows of the first of them.
+    pub first: Vec<(usize, usize)>,
+}
+
+impl Finding {
+    fn new(
+        defect: Defect,
+        of: &str,
+        quantity: Option<Quantity>,
+        tally: &Tally,
+        width: usize,
+    ) -> Self {
+        let first = tally.first.iter().map(|k| (k % width, k / width)).collect();
+        Self { defect, of: of.to_owned(), quantity, count: tally.count, first }
+    }
+}
+
+/// What is wrong with a channel, in the order in which loading looks for it.
+fn findings(name: &str, samples: &mut [f32], role: Option<PlaneId>, width: usize) -> Vec<Finding> {
+    let is = |feature, quantity| {
+        role.is_some_and(|plane| (plane.feature, plane.quantity) == (feature, quantity))
+    };
+    let far = is(Feature::Depth, Quantity::Value).then(|| defect::drop_far(samples)).flatten();
+    let negative = role.and_then(|plane| defect::negative(samples, plane.feature, plane.quantity));
+    let huge = |x: f32| x.is_finite() && !is_good(x);
+    let found = [
+        (Defect::Far, far),
+        (Defect::Nan, Tally::of(samples, f32::is_nan)),
+        (Defect::Infinite, Tally::of(samples, f32::is_infinite)),
+        (Defect::Huge, Tally::of(samples, huge)),
+        (Defect::Negative, negative),
+    ];
+    let quantity = role.map(|plane| plane.quantity);
+    let found = found.into_iter().filter_map(|(defect, tally)| Some((defect, tally?)));
+    found.map(|(defect, tally)| Finding::new(defect, name, quantity, &tally, width)).collect()
 }
 
 /// What the samples of a channel are like.

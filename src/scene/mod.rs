@@ -17,6 +17,7 @@
 //!
 //! What it does not know: whether the channels hold what their names say.
 
+pub mod defect;
 pub mod derive;
 mod error;
 pub mod exr;

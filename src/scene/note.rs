@@ -21,6 +21,22 @@ pub enum Note {
         /// How many pixels.
         count: usize,
     },
+    /// Samples of a channel are below zero where that means nothing.
+    Negative {
+        /// The channel's full name.
+        channel: String,
+        /// What the channel holds: negative variances count as 0, values are kept.
+        quantity: Quantity,
+        /// How many samples.
+        count: usize,
+    },
+    /// Pixels far outshine all around them. They are kept.
+    Fireflies {
+        /// In which feature.
+        feature: Feature,
+        /// How many pixels.
+        count: usize,
+    },
     /// The file holds no variance of a feature: it was estimated from the image.
     EstimatedVariance(Feature),
     /// The file holds a variance that cannot be used.
@@ -56,6 +72,16 @@ impl fmt::Display for Note {
             }
             Self::LeftBad { channel, count } => {
                 write!(f, "{channel}: {count} bad pixel(s) left in")
+            }
+            Self::Negative { channel, quantity, count } => {
+                let fate = match quantity {
+                    Quantity::Variance => "counted as 0",
+                    Quantity::Value | Quantity::Gradient => "kept",
+                };
+                write!(f, "{channel}: {count} negative sample(s) {fate}")
+            }
+            Self::Fireflies { feature, count } => {
+                write!(f, "{}: {count} firefly pixel(s) kept", feature.row().name)
             }
             Self::EstimatedVariance(feature) => write!(
                 f,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::defect::{self, Tally};
 use super::normalize::{ColorScale, Normalization, depth_extent, exposure, geometry, hits};
 use super::note::Note;
 use super::plane::{Edge, Layout, Plane, Samples};
@@ -13,13 +14,6 @@ use super::repair::{self, Repair};
 use super::{LoadOptions, Needs, Scene, SceneError, derive};
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, PlaneId, Quantity, Unit};
-
-/// Depths from here on may stand for "nothing hit" (Blender writes 1e10, which
-/// antialiasing can mix down; others 1e30 or infinity) …
-const FAR: f32 = 1e8;
-/// … if they are this many times the nearest one. So a large unit alone does
-/// not make the geometry vanish.
-const FAR_RATIO: f32 = 1e4;
 
 impl RawScene {
     /// Makes the planes that `needs` names, as far as this scene can provide
@@ -41,6 +35,7 @@ impl RawScene {
             assert_eq!(components.len(), self.width * self.height, "one sample per pixel");
         }
         self.drop_far_depths();
+        self.note_defects();
         self.repair(options.repair)?;
         let layout = Layout::new(self.width, self.height, pad);
         let Some([r, g, b]) = self.components(Feature::Color, Quantity::Value) else {
@@ -85,23 +80,37 @@ impl RawScene {
         self.features.get(&(feature, quantity)).map(Vec::as_slice)
     }
 
-    /// Sets depths that say "nothing hit" to 0, which says so here; before the
-    /// repair, which would take an infinite one for a bad pixel.
+    /// Notes what is found but kept, before anything is changed.
+    fn note_defects(&mut self) {
+        let found: Vec<Vec<Note>> = self
+            .features
+            .par_iter()
+            .map(|(&(feature, quantity), components)| {
+                let mut notes = Vec::new();
+                for (k, samples) in components.iter().enumerate() {
+                    let channel = || self.origin.channel(feature, quantity, k);
+                    let note = |found: Tally| Note::Negative {
+                        channel: channel(),
+                        quantity,
+                        count: found.count,
+                    };
+                    notes.extend(defect::negative(samples, feature, quantity).map(note));
+                }
+                if quantity == Quantity::Value {
+                    let note = |found: Tally| Note::Fireflies { feature, count: found.count };
+                    notes.extend(defect::fireflies(components, self.width, feature).map(note));
+                }
+                notes
+            })
+            .collect();
+        self.notes.extend(found.into_iter().flatten());
+    }
+
     fn drop_far_depths(&mut self) {
-        let Some(depth) = self.features.get_mut(&(Feature::Depth, Quantity::Value)) else { return };
-        let mut count = 0;
-        for samples in depth {
-            let nearest =
-                samples.iter().copied().filter(|&d| d > 0.0).fold(f32::INFINITY, f32::min);
-            let is_far = |d: f32| d == f32::INFINITY || (d >= FAR && d / FAR_RATIO >= nearest);
-            for sample in samples.iter_mut().filter(|sample| is_far(**sample)) {
-                *sample = 0.0;
-                count += 1;
-            }
-        }
-        if count > 0 {
-            self.notes.push(Note::FarDepth { count });
-        }
+        let depth = self.features.get_mut(&(Feature::Depth, Quantity::Value));
+        let found = depth.into_iter().flatten().filter_map(|samples| defect::drop_far(samples));
+        let notes: Vec<Note> = found.map(|found| Note::FarDepth { count: found.count }).collect();
+        self.notes.extend(notes);
     }
 
     fn repair(&mut self, repair: Repair) -> Result<(), SceneError> {
@@ -125,7 +134,7 @@ impl RawScene {
                             Some((header, _)) => header.path().to_owned(),
                             None => self.name.clone().into(),
                         };
-                        let first = (bad.first % self.width, bad.first / self.width);
+                        let first = (bad.first[0] % self.width, bad.first[0] / self.width);
                         return Err(SceneError::BadPixels { path, channel, count, first });
                     }
                 }

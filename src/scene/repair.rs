@@ -5,9 +5,25 @@
 //! is derived, in every channel that is read, and by default replaced by the
 //! median of the finite samples around them: never a new value, so no bad pixel
 //! reaches further than its own window. Values beyond ±1e18, the limit of what
-//! expressions compute with, count as bad too. Negative samples are kept: a
-//! reconstruction filter with negative lobes makes them rightly.
+//! expressions compute with, count as bad too. What looks wrong but is a number is
+//! counted and kept: see [`defect`](super::defect).
+//!
+//! **What one bad pixel changes.** A repaired image *is* the image with a sample of the
+//! pixel's neighbours in its place, bit for bit, whatever the bad value was. So
+//!
+//! - *outside* of the windows that reach it, and one pixel around them (gradients and
+//!   estimated variances are made of neighbours), no bit changes, unless a scale of the
+//!   whole scene does: exposure, centre and extent are quantiles, which one sample moves
+//!   by no more than one rank, to the next value in the image;
+//! - *inside*, where weights are not negative, every result stays between the least and
+//!   the greatest of the good colours in its window and next to the bad pixel; and if
+//!   the colour is bad and the weight does not look at it, it changes by no more than the
+//!   repaired colour differs from the true one.
+//!
+//! `tests/bad_pixels.rs` holds filters to that. The one exception is +Inf in a depth,
+//! which says that nothing was hit.
 
+use super::defect::Tally;
 use crate::expr::builder::LIMIT;
 
 /// What to do with bad pixels.
@@ -19,17 +35,12 @@ pub enum Repair {
     Median,
     /// Refuse the image.
     Error,
-    /// Leave them. Whatever reads them may become non-finite.
+    /// Leave them. A pixel whose window reaches one in the colour keeps its noisy
+    /// colour, as no mean is finite there; the bad pixel stays bad. (A finite one beyond
+    /// ±1e18 outshines its window instead.) A bad feature makes weights in its window
+    /// arbitrary, but none of the results non-finite. Elsewhere nothing changes but
+    /// roundings, as a plan knows no range of such a plane.
     None,
-}
-
-/// The bad pixels of a channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bad {
-    /// How many there are.
-    pub count: usize,
-    /// Position of the first in the channel's samples.
-    pub first: usize,
 }
 
 /// Whether a sample can be computed with.
@@ -39,10 +50,8 @@ pub fn is_good(sample: f32) -> bool {
 }
 
 /// Counts the bad samples of a channel; `None` if there are none.
-pub fn find(samples: &[f32]) -> Option<Bad> {
-    let first = samples.iter().position(|&x| !is_good(x))?;
-    let count = samples[first..].iter().filter(|&&x| !is_good(x)).count();
-    Some(Bad { count, first })
+pub fn find(samples: &[f32]) -> Option<Tally> {
+    Tally::of(samples, |x| !is_good(x))
 }
 
 /// Replaces bad samples as [`Repair::Median`] says. Only samples that were good
@@ -93,7 +102,7 @@ mod tests {
             4.0, inf, -5.0,
             f32::NAN, 2e18, 9.0,
         ];
-        assert_eq!(find(&image), Some(Bad { count: 3, first: 4 }));
+        assert_eq!(find(&image), Some(Tally { count: 3, first: vec![4, 6, 7] }));
         by_median(&mut image, 3);
         // Around the middle: -5 1 2 3 4 9, lower median 2; its bad neighbours
         // take no part, and are not fed by it.

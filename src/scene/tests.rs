@@ -1,6 +1,7 @@
 //! Whole scenes: what loading promises.
 
-use super::inspect::{Inspection, Scan};
+use super::defect::Defect;
+use super::inspect::{Finding, Inspection, Scan};
 use super::sample::{PartOf, file, part};
 use super::*;
 use crate::expr::feature::{Feature, Quantity};
@@ -259,9 +260,74 @@ fn bad_pixels_are_repaired_refused_or_left_and_always_counted() {
     assert_eq!(Facts::of(&left).get(id).interval(), crate::expr::interval::Interval::ENTIRE);
 
     let scans = Inspection::of(&sample.path).and_then(|file| file.scan()).expect("a sound file");
-    let scan = scans["Normal.Y"];
+    let scan = scans.channels["Normal.Y"];
     assert_eq!((scan.nan, scan.infinite, scan.huge), (1, 1, 1));
-    assert_eq!(scans["SecondaryAlbedo.R"].constant(), Some(0.0));
+    assert_eq!(scans.channels["SecondaryAlbedo.R"].constant(), Some(0.0));
+}
+
+#[test]
+fn what_is_found_on_load_is_what_inspection_lists() {
+    let mut sample = written();
+    let places = [
+        ("G", vec![(40, f32::NAN), (60, f32::NEG_INFINITY), (61, f32::INFINITY), (80, 2e18)]),
+        ("R", vec![(100, -0.5), (101, -0.25), (200, 100.0)]),
+        ("Depth.Z", vec![(50, f32::INFINITY), (51, f32::NAN), (52, -1.0)]),
+        ("Normal.X", vec![(33, -1.0)]),
+        ("Albedo.B", vec![(77, 100.0)]),
+        ("Variance.B", vec![(11, -1e-9)]),
+    ];
+    for (name, samples) in &mut sample.channels {
+        if let exr_image::FlatSamples::F32(samples) = samples {
+            let of_channel = places.iter().filter(|(channel, _)| channel == name);
+            of_channel.flat_map(|(_, places)| places).for_each(|&(k, x)| samples[k] = x);
+        }
+    }
+    let foreign = vec![f32::NAN; SIZE.0 * SIZE.1];
+    let sample = file(vec![sample.with("foreign", foreign)]);
+    let scans = Inspection::of(&sample.path).and_then(|file| file.scan()).expect("a sound file");
+    let place = |k: usize| (k % SIZE.0, k / SIZE.0);
+    let [value, variance] = [Quantity::Value, Quantity::Variance].map(Some);
+    let expected = [
+        (Defect::Infinite, "G", value, vec![60, 61]),
+        (Defect::Nan, "G", value, vec![40]),
+        (Defect::Huge, "G", value, vec![80]),
+        (Defect::Negative, "R", value, vec![100, 101]),
+        (Defect::Firefly, "color", value, vec![200]),
+        (Defect::Far, "Depth.Z", value, vec![50]),
+        (Defect::Nan, "Depth.Z", value, vec![51]),
+        (Defect::Negative, "Depth.Z", value, vec![52]),
+        (Defect::Firefly, "texture", value, vec![77]),
+        (Defect::Negative, "Variance.B", variance, vec![11]),
+    ];
+    for (defect, of, quantity, places) in &expected {
+        let first = places.iter().map(|&k| place(k)).collect();
+        let (of, count) = ((*of).to_owned(), places.len());
+        let finding = Finding { defect: *defect, of, quantity: *quantity, count, first };
+        assert!(scans.findings.contains(&finding), "{finding:?} in {:?}", scans.findings);
+    }
+    let foreign = scans.findings.iter().find(|finding| finding.of == "foreign");
+    let foreign = foreign.expect("what is read by nobody is listed, too");
+    assert_eq!((foreign.quantity, foreign.count), (None, SIZE.0 * SIZE.1));
+    assert_eq!(foreign.first, [0, 1, 2, 3].map(place));
+    assert_eq!(scans.findings.len(), expected.len() + 1, "{:?}", scans.findings);
+
+    let scene = Scene::load(&sample.path, &Needs::everything(), 5, &LoadOptions::default());
+    let scene = scene.expect("repaired");
+    for note in [
+        Note::Repaired { channel: "G".to_owned(), count: 4 },
+        Note::Negative { channel: "R".to_owned(), quantity: Quantity::Value, count: 2 },
+        Note::Fireflies { feature: Feature::Color, count: 1 },
+        Note::FarDepth { count: 1 },
+        Note::Repaired { channel: "Depth.Z".to_owned(), count: 1 },
+        Note::Negative { channel: "Depth.Z".to_owned(), quantity: Quantity::Value, count: 1 },
+        Note::Fireflies { feature: Feature::Texture, count: 1 },
+        Note::Negative { channel: "Variance.B".to_owned(), quantity: Quantity::Variance, count: 1 },
+    ] {
+        assert!(scene.notes().contains(&note), "{note:?} in {:?}", scene.notes());
+    }
+    // Counted, and kept.
+    assert_eq!(scene.color()[0].at(place(100).0, place(100).1), -0.5);
+    assert_eq!(scene.color()[0].at(place(200).0, place(200).1), 100.0);
 }
 
 #[test]

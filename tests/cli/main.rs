@@ -100,6 +100,18 @@ fn the_report_says_what_was_estimated_repaired_and_kept() {
     }
     let refused = ["denoise", "bad.exr", "-o", "no.exr", "--filter", "1", "--repair", "error"];
     place.fails(1, &refused, &["bad.exr", "\"R\"", "x = 3, y = 4", "--repair median"]);
+    let left = ["denoise", "bad.exr", "-o", "left.exr", "--filter", "1", "--repair", "none"];
+    let output = place.run(&left);
+    assert!(output.status.success(), "{}", stderr(&output));
+    for part in ["bad.exr: R: 1 bad pixel(s) left in", "kept the noisy colour"] {
+        assert!(stderr(&output).contains(part), "no `{part}` in: {}", stderr(&output));
+    }
+    let inspected = json(&place.done(&["inspect", "left.exr", "--json"]));
+    // One pixel is no number still, and it alone.
+    let bad = inspected["bad_pixels"].as_array().expect("a list").iter();
+    let bad: Vec<&Value> = bad.filter(|bad| bad["defect"] == "nan").collect();
+    assert_eq!(bad.len(), 1, "{inspected}");
+    assert_eq!([&bad[0]["of"], &bad[0]["count"]], [&Value::from("R"), &Value::from(1)]);
 
     let output = place.run(&["denoise", "room/4spp.exr", "-o", "kept.exr", "--filter", "0"]);
     assert!(stderr(&output).contains("480 pixels (100.0%) kept"), "{}", stderr(&output));
@@ -242,8 +254,14 @@ fn inspect_tells_what_feeds_what() {
     assert!(line("Normal.Z").contains("constant 0"), "{text}");
     assert!(line("depth").contains("absent") && line("depth").contains("Depth.Z"), "{text}");
     assert!(line("normal").contains("estimated"), "{text}");
+    let infinite = line("infinite");
+    for part in ["Albedo.B", "20", "(0, 0) (0, 1) (0, 2) (0, 3) …", "median of the good ones"] {
+        assert!(infinite.contains(part), "no `{part}` in: {infinite}");
+    }
+    assert!(place.done(&["inspect", "room/4spp.exr"]).ends_with("Bad pixels: none\n"));
 
     let report = json(&place.done(&["inspect", "bad.exr", "--json"]));
+    assert_eq!(report["bad_pixels"][0]["first"][3], serde_json::json!([0, 3]));
     assert_eq!(report["layers"][0]["width"], WIDTH);
     assert_eq!(report["layers"][0]["channels"].as_array().map(Vec::len), Some(9));
     assert_eq!(report["layers"][0]["channels"][0]["samples"]["infinite"], 20);

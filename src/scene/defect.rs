@@ -1,0 +1,242 @@
+//! Pixels that are wrong, or look it: what is found on load, counted and told.
+//!
+//! | defect | what it is | what becomes of it |
+//! |---|---|---|
+//! | far | a depth that says "nothing was hit": [`drop_far`] | set to 0 |
+//! | NaN, infinite, huge | no number, or beyond ±1e18 | [repaired](super::repair) |
+//! | negative | below zero where that means nothing: [`negative`] | kept; a variance counts as 0 |
+//! | firefly | far brighter than all around: [`fireflies`] | kept |
+//!
+//! What is no number must go, as no sum survives it. Negative samples stay: a
+//! reconstruction filter with negative lobes makes them rightly. Fireflies stay, too: they
+//! are the noise that filters are for, and in one image nobody can tell a firefly from a
+//! small lamp or the corner of a large one.
+
+use rayon::prelude::*;
+
+use super::repair::is_good;
+use crate::expr::feature::{Feature, Quantity};
+
+/// Depths from here on may stand for "nothing hit" (Blender writes 1e10, which
+/// antialiasing can mix down; others 1e30 or infinity) …
+const FAR: f32 = 1e8;
+/// … if they are this many times the nearest one. So a large unit alone does
+/// not make the geometry vanish.
+const FAR_RATIO: f32 = 1e4;
+
+/// A firefly is brighter than this many times the median of the 24 pixels around it, and
+/// of the image. Four stops: in the colours of the test scenes, at four samples per pixel,
+/// that is about one pixel in a hundred, and in their albedos, depths, positions and
+/// normals, which are full of edges, it is none.
+const FIREFLY: f32 = 16.0;
+/// How far around a pixel is looked, and up to how many pixels of the image.
+const AROUND: usize = 2;
+const SAMPLED: usize = 1 << 14;
+
+/// What may be wrong with a pixel; the table above says what becomes of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Defect {
+    /// Nothing was hit there, a depth says.
+    Far,
+    /// No number.
+    Nan,
+    /// Infinite, with either sign.
+    Infinite,
+    /// Finite, but beyond ±1e18.
+    Huge,
+    /// Below zero where that means nothing.
+    Negative,
+    /// Far brighter than all around.
+    Firefly,
+}
+
+/// How many samples have a defect, and where.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// How many there are.
+    pub count: usize,
+    /// The first of them: positions in the channel's samples.
+    pub first: Vec<usize>,
+}
+
+impl Tally {
+    /// How many places are told.
+    pub const TOLD: usize = 4;
+
+    /// The samples for which something holds; `None` if there are none.
+    pub fn of(samples: &[f32], holds: impl Fn(f32) -> bool) -> Option<Self> {
+        Self::of_positions(samples.iter().enumerate().filter(|&(_, &x)| holds(x)).map(|(k, _)| k))
+    }
+
+    fn of_positions(mut positions: impl Iterator<Item = usize>) -> Option<Self> {
+        let first: Vec<usize> = positions.by_ref().take(Self::TOLD).collect();
+        let count = first.len() + positions.count();
+        (count > 0).then_some(Self { count, first })
+    }
+}
+
+/// Sets depths that say "nothing hit" to 0, which says so here; before the repair, which
+/// would take an infinite one for a bad pixel.
+pub fn drop_far(depth: &mut [f32]) -> Option<Tally> {
+    let nearest = depth.iter().copied().filter(|&d| d > 0.0).fold(f32::INFINITY, f32::min);
+    let is_far = |d: f32| d == f32::INFINITY || (d >= FAR && d / FAR_RATIO >= nearest);
+    let found = Tally::of(depth, is_far);
+    if found.is_some() {
+        depth.iter_mut().filter(|d| is_far(**d)).for_each(|d| *d = 0.0);
+    }
+    found
+}
+
+/// The samples below zero of a channel in which that means nothing. Positions and normals
+/// have two signs; and where no depth is positive, the axis points backwards.
+pub fn negative(samples: &[f32], feature: Feature, quantity: Quantity) -> Option<Tally> {
+    let signed = match quantity {
+        Quantity::Value if feature == Feature::Depth => !samples.iter().any(|&d| d > 0.0),
+        Quantity::Value => feature.row().signed,
+        Quantity::Gradient | Quantity::Variance => false,
+    };
+    // Negative infinity is told as infinite.
+    if signed { None } else { Tally::of(samples, |x| x < 0.0 && is_good(x)) }
+}
+
+/// The pixels whose greatest component is more than sixteen times the median of those of
+/// the 24 pixels around it, and of the image (of its positive ones, of large images some
+/// ten thousand). Components of positions and normals, which have two signs, are counted
+/// from their median in the image. Pixels that are no numbers take no part.
+pub fn fireflies(components: &[Vec<f32>], width: usize, feature: Feature) -> Option<Tally> {
+    let magnitude = magnitude(components, feature);
+    let positive = sampled(&magnitude).filter(|&m| m > 0.0);
+    let bright = FIREFLY * median(&mut positive.collect::<Vec<_>>())?;
+    let is_firefly = |&k: &usize| {
+        let value = magnitude[k];
+        value > bright && {
+            let around = median(&mut around(&magnitude, width, k));
+            around.is_some_and(|around| value > FIREFLY * around)
+        }
+    };
+    // Rows at a time, so that the positions come in order.
+    let rows: Vec<Vec<usize>> = (0..magnitude.len() / width)
+        .into_par_iter()
+        .map(|y| (y * width..(y + 1) * width).filter(is_firefly).collect())
+        .collect();
+    Tally::of_positions(rows.into_iter().flatten())
+}
+
+/// Per pixel, how far its components are from nothing; NaN where one is no number.
+fn magnitude(components: &[Vec<f32>], feature: Feature) -> Vec<f32> {
+    let center = |samples: &Vec<f32>| match feature.row().signed {
+        true => median(&mut sampled(samples).collect::<Vec<_>>()).unwrap_or(0.0),
+        false => 0.0,
+    };
+    let mut greatest = vec![0.0f32; components.first().map_or(0, Vec::len)];
+    for samples in components {
+        let center = center(samples);
+        for (greatest, &x) in greatest.iter_mut().zip(samples) {
+            let distance = if is_good(x) { (x - center).abs() } else { f32::NAN };
+            // A NaN stays: neither it nor what is compared with it is greater.
+            if greatest.is_nan() || distance <= *greatest {
+                continue;
+            }
+            *greatest = distance;
+        }
+    }
+    greatest
+}
+
+/// The good ones of so many samples, evenly spread, that their median is near that of all.
+fn sampled(samples: &[f32]) -> impl Iterator<Item = f32> {
+    // Odd, so as not to fall on the same few columns in every row.
+    let every = (samples.len() / SAMPLED) | 1;
+    samples.iter().copied().step_by(every).filter(|&x| is_good(x))
+}
+
+/// The good samples around a pixel, without its own.
+fn around(samples: &[f32], width: usize, position: usize) -> Vec<f32> {
+    let height = samples.len() / width;
+    let (x, y) = (position % width, position / width);
+    let columns = x.saturating_sub(AROUND)..(x + AROUND + 1).min(width);
+    let rows = y.saturating_sub(AROUND)..(y + AROUND + 1).min(height);
+    let places = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
+    places.filter(|&k| k != position && is_good(samples[k])).map(|k| samples[k]).collect()
+}
+
+/// The lower median. Reorders the samples.
+fn median(samples: &mut [f32]) -> Option<f32> {
+    let middle = samples.len().checked_sub(1)? / 2;
+    Some(*samples.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 20;
+
+    /// Shading from 1 to 2, of three components.
+    fn wall() -> Vec<Vec<f32>> {
+        let image = (0..WIDTH * 16).map(|k| 1.0 + (k % WIDTH) as f32 / WIDTH as f32).collect();
+        vec![image; 3]
+    }
+
+    #[test]
+    fn a_firefly_outshines_its_neighbours_and_the_image_sixteenfold() {
+        let color = |image: &[Vec<f32>]| fireflies(image, WIDTH, Feature::Color);
+        assert_eq!(color(&wall()), None);
+        for (component, place) in [(0, 0), (2, 150), (1, WIDTH * 16 - 1)] {
+            let mut image = wall();
+            image[component][place] = 15.0;
+            assert_eq!(color(&image), None, "a bright pixel is no firefly");
+            image[component][place] = 40.0;
+            assert_eq!(color(&image), Some(Tally { count: 1, first: vec![place] }));
+        }
+        // A tube of light, four pixels high, shines like that on purpose.
+        let mut lamp = wall();
+        lamp[0][100..180].fill(40.0);
+        assert_eq!(color(&lamp), None);
+        // In the dark, what is as bright as the rest of the image is no firefly.
+        let mut dark = wall();
+        dark.iter_mut().for_each(|component| component[200..].fill(1e-3));
+        dark[0][260] = 1.0;
+        assert_eq!(color(&dark), None);
+    }
+
+    #[test]
+    fn fireflies_do_not_hide_behind_what_is_no_number_nor_become_some() {
+        let mut image = wall();
+        image[0][150] = 40.0;
+        image[1][151] = f32::NAN;
+        image[2][152] = f32::INFINITY;
+        image[0][152] = f32::NAN;
+        let found = Some(Tally { count: 1, first: vec![150] });
+        assert_eq!(fireflies(&image, WIDTH, Feature::Color), found);
+        let hopeless = vec![vec![f32::NAN; WIDTH]; 3];
+        assert_eq!(fireflies(&hopeless, WIDTH, Feature::Color), None);
+        assert_eq!(fireflies(&[vec![0.0; WIDTH]], WIDTH, Feature::Depth), None);
+    }
+
+    #[test]
+    fn places_are_far_from_the_others_wherever_the_world_is() {
+        for origin in [0.0, 5000.0] {
+            let mut position: Vec<Vec<f32>> =
+                wall().iter().map(|axis| axis.iter().map(|x| x + origin).collect()).collect();
+            assert_eq!(fireflies(&position, WIDTH, Feature::WorldPosition), None);
+            position[1][99] = origin - 70.0;
+            let found = fireflies(&position, WIDTH, Feature::WorldPosition);
+            assert_eq!(found, Some(Tally { count: 1, first: vec![99] }), "{origin}");
+        }
+    }
+
+    #[test]
+    fn negative_samples_are_told_where_they_mean_nothing() {
+        let samples = [1.0, -2.0, -0.0, f32::NEG_INFINITY, -3.0];
+        let found = Some(Tally { count: 2, first: vec![1, 4] });
+        for feature in Feature::ALL {
+            let expected = found.clone().filter(|_| !feature.row().signed);
+            assert_eq!(negative(&samples, feature, Quantity::Value), expected, "{feature:?}");
+            assert_eq!(negative(&samples, feature, Quantity::Variance), found, "{feature:?}");
+        }
+        assert_eq!(negative(&[-1.0, 0.0, -3.0], Feature::Depth, Quantity::Value), None);
+        let many = Tally::of(&[-1.0; 9], |x| x < 0.0);
+        assert_eq!(many, Some(Tally { count: 9, first: (0..Tally::TOLD).collect() }));
+    }
+}
