@@ -11,7 +11,7 @@ use cranelift_codegen::isa::{Builder, OwnedTargetIsa, TargetIsa};
 use cranelift_codegen::settings::{self, Configurable, SetError};
 use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
 
-use crate::cranelift::Assembler;
+use crate::cranelift::{Assembler, Emulation};
 use crate::error::CompileError;
 use crate::kernel::Kernel;
 use crate::lanes::Body;
@@ -70,10 +70,20 @@ impl Compiler {
     ///
     /// # Errors
     ///
-    /// [`CompileError::Host`] where there is no code generator for the
-    /// processor, [`CompileError::NoFma`] where it lacks fused multiply-add.
+    /// [`CompileError::Host`] where there is no code generator for the processor.
     pub fn host() -> Result<Self, CompileError> {
-        Self::with_width(Features::of_host().widest())
+        Self::with_features(Features::of_host())
+    }
+
+    /// A compiler for this machine as if it had no more than these instruction sets,
+    /// with vectors as wide as they allow: to the same bits.
+    ///
+    /// # Errors
+    ///
+    /// As for [`host`](Self::host).
+    pub fn with_features(features: Features) -> Result<Self, CompileError> {
+        let features = features.and(Features::of_host());
+        Self::new(features.widest(), features)
     }
 
     /// A compiler for this machine, with vectors of this width.
@@ -83,18 +93,20 @@ impl Compiler {
     /// As for [`host`](Self::host), and [`CompileError::Width`] where the
     /// processor has no such vectors.
     pub fn with_width(width: Width) -> Result<Self, CompileError> {
-        if !Features::of_host().allow(width) {
-            return Err(CompileError::Width(width));
+        match Features::of_host() {
+            features if features.allow(width) => Self::new(width, features),
+            _ => Err(CompileError::Width(width)),
         }
-        match width {
+    }
+
+    /// One for `features` that this machine has, and that allow `width`.
+    fn new(width: Width, features: Features) -> Result<Self, CompileError> {
+        let generator = match width {
             #[cfg(target_arch = "x86_64")]
-            Width::Bits256 | Width::Bits512 => Ok(Self { generator: Generator::Wide(width) }),
-            _ => {
-                let builder = cranelift_native::builder()
-                    .map_err(|why| CompileError::Host(why.to_owned()))?;
-                Self::with_isa(builder)
-            }
-        }
+            Width::Bits256 | Width::Bits512 => Generator::Wide(width),
+            _ => Generator::Cranelift(host_isa(features)?),
+        };
+        Ok(Self { generator })
     }
 
     /// How wide its vectors are.
@@ -106,13 +118,14 @@ impl Compiler {
         }
     }
 
-    /// A compiler for any instruction set. Its kernels would not run here, which
-    /// is why nothing but [`host`](Self::host) makes one that is public.
-    fn with_isa(builder: Builder) -> Result<Self, CompileError> {
-        let flags = flags().map_err(|why| CompileError::Host(why.to_string()))?;
-        let isa = builder.finish(flags).map_err(|why| CompileError::Host(why.to_string()))?;
-        check(isa.as_ref())?;
-        Ok(Self { generator: Generator::Cranelift(isa) })
+    /// The instructions that this machine lacks, or is to do without: they are made of
+    /// others, to the same bits in more time.
+    pub fn emulated(&self) -> Vec<&'static str> {
+        match &self.generator {
+            Generator::Cranelift(isa) => Emulation::of(isa.as_ref()).names(),
+            #[cfg(target_arch = "x86_64")]
+            Generator::Wide(_) => Vec::new(),
+        }
     }
 
     /// Compiles one kernel, with so many chains or as many as suit its body.
@@ -129,8 +142,7 @@ impl Compiler {
         body: &B,
     ) -> Result<Kernel, CompileError> {
         spec.check()?;
-        // Everything the closure touches is made inside it or only read.
-        catch_unwind(AssertUnwindSafe(|| match &self.generator {
+        caught(|| match &self.generator {
             Generator::Cranelift(isa) => {
                 let chains = chains.unwrap_or(Chains::Four);
                 let context = Context::for_function(emit(isa.as_ref(), spec, chains, body)?);
@@ -140,13 +152,19 @@ impl Compiler {
             Generator::Wide(width) => {
                 Kernel::map(&wide::compile(spec, *width, chains, body)?, spec)
             }
-        }))
-        .unwrap_or_else(|payload| Err(CompileError::Panic(message(payload.as_ref()))))
+        })
     }
 }
 
+/// A panic inside `work` as an error. All that `work` touches is to be made inside it
+/// or only read.
+pub(crate) fn caught<T>(work: impl FnOnce() -> Result<T, CompileError>) -> Result<T, CompileError> {
+    catch_unwind(AssertUnwindSafe(work))
+        .unwrap_or_else(|payload| Err(CompileError::Panic(message(payload.as_ref()))))
+}
+
 /// Writes a kernel in Cranelift's intermediate language.
-fn emit<B: Body>(
+pub(crate) fn emit<B: Body>(
     isa: &dyn TargetIsa,
     spec: WindowSpec,
     chains: Chains,
@@ -169,14 +187,37 @@ fn emit_chains<B: Body, const N: usize>(
     let mut function = Function::with_name_signature(UserFuncName::default(), signature);
     let mut scratch = FunctionBuilderContext::new();
     let builder = FunctionBuilder::new(&mut function, &mut scratch);
-    let mut assembler = Assembler::<N>::new(builder, spec);
+    let mut assembler = Assembler::<N>::new(builder, spec, Emulation::of(isa));
     window::emit(&mut assembler, &spec, body)?;
     assembler.finish()?.finalize(isa.frontend_config());
     Ok(function)
 }
 
+/// Cranelift for this machine, as if it had no more than `features`.
+fn host_isa(features: Features) -> Result<OwnedTargetIsa, CompileError> {
+    // The flags of x86-64 that count are in `features`; those of others are Cranelift's
+    // to find out.
+    let builder = cranelift_native::builder_with_options(!cfg!(target_arch = "x86_64"));
+    let mut builder = builder.map_err(|why| CompileError::Host(why.to_owned()))?;
+    for flag in features.flags() {
+        builder.enable(flag).expect("features are those of x86-64");
+    }
+    // The verifier guards against mistakes of this crate, not of its callers.
+    finish(builder, cfg!(debug_assertions))
+}
+
+/// An instruction set, if it is one that the kernels' promises hold on.
+pub(crate) fn finish(builder: Builder, verify: bool) -> Result<OwnedTargetIsa, CompileError> {
+    let flags = flags(verify).map_err(|why| CompileError::Host(why.to_string()))?;
+    let isa = builder.finish(flags).map_err(|why| CompileError::Host(why.to_string()))?;
+    match isa.name() {
+        "x64" | "aarch64" => Ok(isa),
+        other => Err(CompileError::Host(format!("{other} is untested"))),
+    }
+}
+
 /// The settings that suit kernels, whatever the instruction set.
-fn flags() -> Result<settings::Flags, SetError> {
+fn flags(verify: bool) -> Result<settings::Flags, SetError> {
     let mut flags = settings::builder();
     // The optimiser reorders instructions and so undoes the interleaving of
     // chains. Allocating registers in a single pass would halve the time to
@@ -184,9 +225,7 @@ fn flags() -> Result<settings::Flags, SetError> {
     // pair, which pays only below some 600,000 pairs.
     flags.set("opt_level", "none")?;
     flags.set("regalloc_algorithm", "backtracking")?;
-    // The verifier guards against mistakes of this crate, not of its callers.
-    let verify = if cfg!(debug_assertions) { "true" } else { "false" };
-    flags.set("enable_verifier", verify)?;
+    flags.set("enable_verifier", if verify { "true" } else { "false" })?;
     // A frame full of spilled vectors may be larger than the guard page below
     // the stack; touching each of its pages keeps an overflow a clean fault.
     flags.set("enable_probestack", "true")?;
@@ -198,96 +237,9 @@ fn flags() -> Result<settings::Flags, SetError> {
     Ok(settings::Flags::new(flags))
 }
 
-/// Refuses instruction sets that the kernels' promises do not hold on.
-fn check(isa: &dyn TargetIsa) -> Result<(), CompileError> {
-    let has = |name: &str| {
-        isa.isa_flags().iter().any(|flag| flag.name == name && flag.as_bool() == Some(true))
-    };
-    match isa.name() {
-        "x64" if has("has_avx") && has("has_fma") => Ok(()),
-        "x64" => Err(CompileError::NoFma),
-        "aarch64" => Ok(()),
-        other => Err(CompileError::Host(format!("{other} is untested"))),
-    }
-}
-
 /// The text of a panic, where it has one.
 fn message(payload: &(dyn Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().map(|text| (*text).to_owned());
     text.or_else(|| payload.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "without a message".to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::lanes::{Lanes, Side};
-    use cranelift_codegen::isa;
-
-    /// Every instruction once.
-    struct Everything;
-
-    impl Body for Everything {
-        fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
-            let (x, y, z) = (lanes.plane(0, Side::I), lanes.plane(0, Side::J), lanes.tap(0));
-            let x = lanes.fma(x, y, z);
-            let (a, b) = (lanes.min(x, y), lanes.max(x, z));
-            let mask = lanes.lt(a, b);
-            let x = lanes.select(mask, x, a);
-            let (x, y) = (lanes.neg(x), lanes.abs(b));
-            let (x, y) = (lanes.add(x, y), lanes.sub(x, y));
-            let (x, y) = (lanes.mul(x, y), lanes.div(x, y));
-            let (x, y) = (lanes.sqrt(x), lanes.round(y));
-            let (x, y) = (lanes.exponent(x), lanes.exp2i(y));
-            let y = lanes.mantissa(y);
-            let one = lanes.constant(1.0);
-            vec![lanes.fma(x, y, one)]
-        }
-    }
-
-    const SPEC: WindowSpec =
-        WindowSpec { planes: 1, taps: 1, channels: 1, weights: 1, absolute: true, mirrored: false };
-
-    fn target(name: &str, flags: &[&str]) -> Result<Compiler, CompileError> {
-        let mut builder = isa::lookup_by_name(name).expect("the tests build this target");
-        for flag in flags {
-            builder.enable(flag).expect("a flag of this target");
-        }
-        Compiler::with_isa(builder)
-    }
-
-    /// Compiles without installing and returns the number of relocations, which
-    /// is that of calls into a library.
-    fn relocations(compiler: &Compiler, chains: Chains) -> usize {
-        let Generator::Cranelift(isa) = &compiler.generator else {
-            panic!("an instruction set was named, so this is Cranelift's");
-        };
-        let function = emit(isa.as_ref(), SPEC, chains, &Everything).expect("emits");
-        let mut context = Context::for_function(function);
-        let code = context.compile(isa.as_ref(), &mut Default::default());
-        code.expect("compiles").buffer.relocs().len()
-    }
-
-    #[test]
-    fn aarch64_needs_no_library() {
-        let compiler = target("aarch64-unknown-linux-gnu", &[]).expect("fused by nature");
-        for chains in Chains::ALL {
-            assert_eq!(relocations(&compiler, chains), 0);
-        }
-    }
-
-    #[test]
-    #[cfg(target_arch = "x86_64")]
-    fn x86_64_needs_avx_and_fma() {
-        let avx = ["has_sse3", "has_ssse3", "has_sse41", "has_sse42", "has_avx"];
-        for flags in [&[][..], &avx] {
-            let found = target("x86_64-unknown-linux-gnu", flags);
-            assert!(matches!(found, Err(CompileError::NoFma)));
-        }
-        let fma = [&avx[..], &["has_fma"]].concat();
-        let compiler = target("x86_64-unknown-linux-gnu", &fma).expect("fused");
-        for chains in Chains::ALL {
-            assert_eq!(relocations(&compiler, chains), 0);
-        }
-    }
 }

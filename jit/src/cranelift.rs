@@ -17,8 +17,10 @@
 //! | exp2i        | magic-number add and a shift         | `fcvt_to_sint_sat`: 7         |
 //!
 //! The x86-64 patterns need to see the comparison itself, which is why a mask is
-//! nothing but the result of [`Lanes::lt`].
+//! nothing but the result of [`Lanes::lt`]. What an x86-64 processor without FMA or
+//! SSE4.1 lacks is made in [`emulation`].
 
+mod emulation;
 mod loops;
 
 use std::array;
@@ -33,6 +35,7 @@ use crate::call::Call;
 use crate::error::CompileError;
 use crate::lanes::{Lanes, Side};
 use crate::window::WindowSpec;
+pub(crate) use emulation::Emulation;
 use loops::{Cursors, Partials};
 
 /// Lanes in a vector.
@@ -57,6 +60,7 @@ pub(crate) struct Mask<const N: usize>([Value; N]);
 pub(crate) struct Assembler<'f, const N: usize> {
     builder: FunctionBuilder<'f>,
     spec: WindowSpec,
+    emulation: Emulation,
     call: Value,
     planes: Value,
     at: Cursors,
@@ -66,7 +70,11 @@ pub(crate) struct Assembler<'f, const N: usize> {
 
 impl<'f, const N: usize> Assembler<'f, N> {
     /// Opens the function, whose one parameter is the address of a [`Call`].
-    pub(crate) fn new(mut builder: FunctionBuilder<'f>, spec: WindowSpec) -> Self {
+    pub(crate) fn new(
+        mut builder: FunctionBuilder<'f>,
+        spec: WindowSpec,
+        emulation: Emulation,
+    ) -> Self {
         let entry = builder.create_block();
         builder.append_block_params_for_function_params(entry);
         builder.switch_to_block(entry);
@@ -77,7 +85,7 @@ impl<'f, const N: usize> Assembler<'f, N> {
         // The loops over runs and taps set the others before anything reads them.
         let at = Cursors { pixel, neighbour: pixel, mirror: pixel, tap: out, out, run: out };
         let partials = Partials::new(&mut builder, spec.results());
-        Self { builder, spec, call, planes, at, partials, fault: None }
+        Self { builder, spec, emulation, call, planes, at, partials, fault: None }
     }
 
     /// Closes the function; reports the first plane or tap value that the body
@@ -99,9 +107,12 @@ impl<'f, const N: usize> Assembler<'f, N> {
 
     /// `bits` in every lane, shared by all chains.
     fn splat(&mut self, ty: Type, bits: u32) -> Value {
-        let bytes = bits.to_le_bytes().repeat(LANES);
-        let handle = self.builder.func.dfg.constants.insert(ConstantData::from(bytes));
-        self.builder.ins().vconst(ty, handle)
+        splat(&mut self.builder, ty, bits)
+    }
+
+    /// `x.mul_add(y, z)` in one chain.
+    fn fused(&mut self, x: Value, y: Value, z: Value) -> Value {
+        self.emulation.fma(&mut self.builder, x, y, z)
     }
 
     /// Remembers the first fault and stands in for the value.
@@ -113,6 +124,12 @@ impl<'f, const N: usize> Assembler<'f, N> {
 
 fn load_field(builder: &mut FunctionBuilder<'_>, call: Value, offset: usize) -> Value {
     builder.ins().load(I64, MemFlagsData::trusted(), call, offset as i32)
+}
+
+fn splat(builder: &mut FunctionBuilder<'_>, ty: Type, bits: u32) -> Value {
+    let bytes = bits.to_le_bytes().repeat(LANES);
+    let handle = builder.func.dfg.constants.insert(ConstantData::from(bytes));
+    builder.ins().vconst(ty, handle)
 }
 
 fn cast(builder: &mut FunctionBuilder<'_>, ty: Type, value: Value) -> Value {
@@ -178,7 +195,8 @@ impl<const N: usize> Lanes for Assembler<'_, N> {
     }
 
     fn round(&mut self, x: Node<N>) -> Node<N> {
-        self.each(|b, k| b.ins().nearest(x.0[k]))
+        let emulation = self.emulation;
+        self.each(|b, k| emulation.round(b, x.0[k]))
     }
 
     fn exp2i(&mut self, x: Node<N>) -> Node<N> {
@@ -243,7 +261,8 @@ impl<const N: usize> Lanes for Assembler<'_, N> {
     }
 
     fn fma(&mut self, x: Node<N>, y: Node<N>, z: Node<N>) -> Node<N> {
-        self.each(|b, k| b.ins().fma(x.0[k], y.0[k], z.0[k]))
+        let emulation = self.emulation;
+        self.each(|b, k| emulation.fma(b, x.0[k], y.0[k], z.0[k]))
     }
 
     fn lt(&mut self, x: Node<N>, y: Node<N>) -> Mask<N> {

@@ -11,11 +11,6 @@ pub enum CompileError {
     #[error("no machine code for this processor: {0}")]
     Host(String),
 
-    /// The processor has no fused multiply-add on vectors. Emulating it would
-    /// cost tens of times the instruction: use an interpreter instead.
-    #[error("this processor lacks a fused multiply-add on vectors (on x86-64: AVX and FMA)")]
-    NoFma,
-
     /// The processor has no vectors of this width.
     #[error("this processor has no vectors of {0}: they take {needs}", needs = .0.needs())]
     Width(Width),

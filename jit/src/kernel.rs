@@ -10,8 +10,8 @@
 use std::fmt;
 use std::sync::Mutex;
 
-use cranelift_codegen::Context;
 use cranelift_codegen::isa::OwnedTargetIsa;
+use cranelift_codegen::{CompiledCode, Context};
 use cranelift_jit::{JITBuilder, JITModule};
 use cranelift_module::{Module as _, ModuleError, default_libcall_names};
 #[cfg(target_arch = "x86_64")]
@@ -66,10 +66,7 @@ impl Kernel {
         let id = module.declare_anonymous_function(&context.func.signature).map_err(generator)?;
         module.define_function(id, &mut context).map_err(generator)?;
         let code = context.compiled_code().expect("the function was just compiled");
-        if !code.buffer.relocs().is_empty() {
-            let why = "an instruction became a library call".to_owned();
-            return Err(CompileError::Generator(why));
-        }
+        without_calls(code)?;
         let code_bytes = code.code_buffer().len();
         module.finalize_definitions().map_err(generator)?;
         let address = module.get_finalized_function(id);
@@ -224,6 +221,14 @@ impl fmt::Debug for Kernel {
 
 fn generator(error: ModuleError) -> CompileError {
     CompileError::Generator(error.to_string())
+}
+
+/// Refuses code that refers to anything outside of itself, as calls do.
+pub(crate) fn without_calls(code: &CompiledCode) -> Result<(), CompileError> {
+    match code.buffer.relocs() {
+        [] => Ok(()),
+        _ => Err(CompileError::Generator("an instruction became a library call".to_owned())),
+    }
 }
 
 /// Executable memory, which is freed when dropped.

@@ -59,7 +59,8 @@
 //!   depend on neither the number of chains nor the rectangle.
 //! - [`Width`]: how many lanes an instruction has. There are two code generators,
 //!   Cranelift for 128 bits anywhere and one for wide vectors on x86-64, and all
-//!   widths give the same bits.
+//!   widths give the same bits. So do processors that lack instructions
+//!   ([`Compiler::emulated`]), and other architectures ([`CrossCompiler`]).
 //! - [`Layout`], [`Run`], [`Job`]: the data; mirrored kernels, which use every
 //!   weight at both ends of its pair, are explained at [`WindowSpec::mirrored`].
 //! - [`Kernel`]: running it. Safe with any data: all that machine code relies on
@@ -69,6 +70,7 @@
 mod call;
 mod compiler;
 mod cranelift;
+mod cross;
 mod error;
 mod kernel;
 mod lanes;
@@ -80,6 +82,7 @@ mod width;
 mod window;
 
 pub use compiler::{Chains, Compiler};
+pub use cross::CrossCompiler;
 pub use error::{CompileError, ShapeError};
 pub use kernel::Kernel;
 pub use lanes::{Body, Lanes, Side};

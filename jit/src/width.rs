@@ -13,10 +13,14 @@ pub enum Width {
     Bits512,
 }
 
-/// The instruction sets of an x86-64 processor that decide on the width. On other
-/// processors there are none of them.
+/// The instruction sets of an x86-64 processor that code generators ask for, beyond
+/// SSE2, which each has. On other processors there are none of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Features {
+    /// SSE4.1 and the two sets before it: rounding and selection in one instruction.
+    pub sse41: bool,
+    /// Vectors of floats with three operands.
+    pub avx: bool,
     /// 256-bit vectors, integers included.
     pub avx2: bool,
     /// Fused multiply-add on 128 and 256 bits.
@@ -31,6 +35,10 @@ impl Features {
         #[cfg(target_arch = "x86_64")]
         {
             Self {
+                sse41: is_x86_feature_detected!("sse3")
+                    && is_x86_feature_detected!("ssse3")
+                    && is_x86_feature_detected!("sse4.1"),
+                avx: is_x86_feature_detected!("avx"),
                 avx2: is_x86_feature_detected!("avx2"),
                 fma: is_x86_feature_detected!("fma"),
                 avx512f: is_x86_feature_detected!("avx512f"),
@@ -42,8 +50,33 @@ impl Features {
         }
     }
 
-    /// Whether code of this width runs. Nothing is asked of 128 bits here: what
-    /// those need is Cranelift's to say.
+    /// What both have.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            sse41: self.sse41 && other.sse41,
+            avx: self.avx && other.avx,
+            avx2: self.avx2 && other.avx2,
+            fma: self.fma && other.fma,
+            avx512f: self.avx512f && other.avx512f,
+        }
+    }
+
+    /// What Cranelift calls those that its code for kernels can use.
+    pub(crate) fn flags(self) -> impl Iterator<Item = &'static str> {
+        let flags = [
+            (self.sse41, "has_sse3"),
+            (self.sse41, "has_ssse3"),
+            (self.sse41, "has_sse41"),
+            (self.avx, "has_avx"),
+            (self.avx2, "has_avx2"),
+            (self.fma, "has_fma"),
+        ];
+        flags.into_iter().filter_map(|(has, flag)| has.then_some(flag))
+    }
+
+    /// Whether code of this width runs. 128 bits do on every processor that Cranelift
+    /// knows, with longer code where instructions are missing.
     pub fn allow(self, width: Width) -> bool {
         match width {
             Width::Bits128 => true,
@@ -93,7 +126,7 @@ impl Width {
     /// The instruction sets that it takes, for messages.
     pub fn needs(self) -> &'static str {
         match self {
-            Self::Bits128 => "AVX and FMA on x86-64, or AArch64",
+            Self::Bits128 => "any x86-64 or AArch64",
             Self::Bits256 => "AVX2 and FMA",
             Self::Bits512 => "AVX-512F",
         }
@@ -112,11 +145,13 @@ mod tests {
 
     #[test]
     fn the_choice_follows_the_features() {
-        let all = Features { avx2: true, fma: true, avx512f: true };
+        let all = Features { sse41: true, avx: true, avx2: true, fma: true, avx512f: true };
         assert_eq!(all.widest(), Width::Bits512);
         assert_eq!(Features { avx512f: false, ..all }.widest(), Width::Bits256);
         assert_eq!(Features { avx2: false, ..all }.widest(), Width::Bits128);
         assert_eq!(Features { fma: false, ..all }.widest(), Width::Bits128);
         assert_eq!(Features::default().widest(), Width::Bits128);
+        assert_eq!(all.and(Features::default()), Features::default());
+        assert_eq!(all.and(all), all);
     }
 }

@@ -22,7 +22,7 @@ fn resident() -> usize {
 
 /// Compiles and drops `count` kernels; a page lost with each would show.
 fn stays_flat(count: u32) {
-    let compiler = Compiler::host().expect("the tests need a host with FMA");
+    let compiler = Compiler::host().expect("the tests need a host with machine code");
     let spec = WindowSpec {
         planes: 1,
         taps: 0,

@@ -26,7 +26,8 @@ impl Body for Reads {
 
 fn compile(spec: WindowSpec, body: &impl Body) -> Result<Kernel, CompileError> {
     // Eight pixels per step, whatever the host.
-    let compiler = Compiler::with_width(Width::Bits128).expect("the tests need a host with FMA");
+    let compiler =
+        Compiler::with_width(Width::Bits128).expect("the tests need a host with machine code");
     compiler.compile(spec, Some(Chains::Two), body)
 }
 
@@ -201,17 +202,25 @@ fn specifications_out_of_range() {
     }
 }
 
+/// In either code generator, with half of a kernel made.
 #[test]
 fn a_panic_costs_one_kernel() {
     struct Panics;
     impl Body for Panics {
-        fn emit<L: Lanes>(&self, _: &mut L) -> Vec<L::F> {
+        fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
+            let (feature, tap) = (lanes.plane(1, Side::J), lanes.tap(0));
+            lanes.fma(feature, tap, tap);
             panic!("no weight today")
         }
     }
-    let found = compile(SPEC, &Panics);
-    assert!(matches!(found, Err(CompileError::Panic(why)) if why == "no weight today"));
-    assert!(compile(SPEC, &HONEST).is_ok());
+    for width in Width::ALL {
+        let Ok(compiler) = Compiler::with_width(width) else { continue };
+        for chains in Chains::ALL {
+            let found = compiler.compile(SPEC, Some(chains), &Panics);
+            assert!(matches!(found, Err(CompileError::Panic(why)) if why == "no weight today"));
+            assert!(compiler.compile(SPEC, Some(chains), &HONEST).is_ok());
+        }
+    }
 }
 
 #[test]

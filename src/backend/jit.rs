@@ -1,7 +1,7 @@
 //! Machine code: a pair tape written into the lane assembler of `tamis-jit`,
 //! one match over the primitives.
 
-use tamis_jit::{Body, Chains, Compiler, Job, Kernel, Lanes, Width, WindowSpec};
+use tamis_jit::{Body, Chains, Compiler, Features, Job, Kernel, Lanes, Width, WindowSpec};
 
 use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, tapes};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
@@ -21,8 +21,7 @@ impl Jit {
     /// A compiler for this machine, with vectors as wide as it has them.
     ///
     /// # Errors
-    /// If there is no code generator for the processor, or it lacks a fused
-    /// multiply-add.
+    /// If there is no code generator for the processor.
     pub fn new() -> Result<Self, BackendError> {
         Ok(Self::with(Compiler::host()?))
     }
@@ -36,8 +35,23 @@ impl Jit {
         Ok(Self::with(Compiler::with_width(width)?))
     }
 
+    /// A compiler for this machine as if it had no more than these instruction sets:
+    /// they give the same bits.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new).
+    pub fn with_features(features: Features) -> Result<Self, BackendError> {
+        Ok(Self::with(Compiler::with_features(features)?))
+    }
+
     fn with(compiler: Compiler) -> Self {
         Self { compiler, chains: None }
+    }
+
+    /// The instructions that this machine lacks, or is to do without: they take longer,
+    /// to the same bits.
+    pub fn emulated(&self) -> Vec<&'static str> {
+        self.compiler.emulated()
     }
 
     /// How wide its vectors are.
@@ -76,18 +90,9 @@ impl Backend for Jit {
     }
 
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
-        let tapes = tapes(plan);
-        let planes = planes(&tapes.pair);
-        let spec = WindowSpec {
-            planes: CHANNELS + planes.len() + tapes.pixel.results().len(),
-            taps: tapes.tap.results().len(),
-            channels: CHANNELS,
-            weights: plan.weights(),
-            absolute: plan.signed(),
-            mirrored: plan.mirrored().is_some(),
-        };
-        let body = TapeBody { tape: &tapes.pair, planes: &planes };
-        let kernel = self.compiler.compile(spec, self.chains, &body)?;
+        let planes = planes(&tapes(plan).pair);
+        let body = TapeBody { tape: &tapes(plan).pair, planes: &planes };
+        let kernel = self.compiler.compile(spec(plan, &planes), self.chains, &body)?;
         let pair = Pair { kernel, planes };
         Ok(Box::new(Compiled { plan: plan.clone(), rates: Rates::new(plan), pair }))
     }
@@ -156,6 +161,19 @@ fn planes(tape: &Tape) -> Vec<PlaneId> {
     planes
 }
 
+/// What the kernel of a plan sums, and over how many of each.
+fn spec(plan: &Plan, planes: &[PlaneId]) -> WindowSpec {
+    let tapes = tapes(plan);
+    WindowSpec {
+        planes: CHANNELS + planes.len() + tapes.pixel.results().len(),
+        taps: tapes.tap.results().len(),
+        channels: CHANNELS,
+        weights: plan.weights(),
+        absolute: plan.signed(),
+        mirrored: plan.mirrored().is_some(),
+    }
+}
+
 fn end(side: Side) -> tamis_jit::Side {
     match side {
         Side::I => tamis_jit::Side::I,
@@ -220,5 +238,98 @@ impl Body for TapeBody<'_> {
             values.push(value);
         }
         self.tape.results().iter().map(|r| values[r.index()]).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use tamis_jit::CrossCompiler;
+
+    use super::*;
+    use crate::expr::{Tree, codebook};
+    use crate::plan::{Filter, Passes, Window};
+    use crate::scene::Facts;
+
+    /// The filters that are known by name, those that ship, and bred ones.
+    fn filters() -> Vec<Tree> {
+        let named = codebook::known().iter().map(|known| known.weight.clone());
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let shipped = ["data/filters/tamis-1.toml", "data/filters/tamis-2.toml"];
+        let shipped = shipped.map(|file| Filter::read(&root.join(file)).expect("it ships"));
+        let shipped = shipped.into_iter().flat_map(|filter| filter.stages);
+        let bred = include_str!("../../tests/fixture/bred.txt").lines();
+        let bred = bred.filter(|line| !line.starts_with('#') && !line.is_empty());
+        let bred = bred.map(|line| line.parse().expect("the fixture is sound"));
+        named.chain(shipped.map(|stage| stage.weight)).chain(bred).collect()
+    }
+
+    /// Code for AArch64, which most machines that test cannot run, is verified and calls
+    /// no function; `scripts/emulated` runs it.
+    #[test]
+    fn filters_compile_for_aarch64() {
+        let compiler = CrossCompiler::new("aarch64-unknown-linux-gnu", &[]);
+        let compiler = compiler.expect("the tests build this target");
+        let mut mirrored = 0;
+        for (n, weight) in filters().iter().enumerate() {
+            let weights = std::slice::from_ref(weight);
+            let passes = Passes { symmetry: n % 2 == 0, ..Passes::ALL };
+            let plan = Plan::new(weights, Window::dense(4), &Facts::of_any_scene(), passes);
+            let plan = plan.expect("any scene has every feature");
+            mirrored += usize::from(plan.mirrored().is_some());
+            let tape = &tapes(&plan).pair;
+            let planes = planes(tape);
+            for chains in Chains::ALL {
+                let body = TapeBody { tape, planes: &planes };
+                let code = compiler.compile(spec(&plan, &planes), chains, &body);
+                let code = code.unwrap_or_else(|why| panic!("{weight}: {why}"));
+                // An instruction of the tape is one of four bytes at least, in each chain.
+                let prims = tape.instrs().iter().filter(|i| matches!(i, Instr::Prim(..))).count();
+                let least = 4 * chains.count() * prims;
+                assert!(code.len() > least, "{weight}: {} bytes of {least}", code.len());
+            }
+        }
+        assert!(mirrored > 3, "{mirrored}");
+    }
+
+    /// `cargo test --lib price_of_older -- --ignored --nocapture`
+    #[test]
+    #[cfg(target_arch = "x86_64")]
+    #[ignore = "a measurement: nanoseconds per pixel pair"]
+    fn price_of_older_processors() {
+        use crate::scene::{LoadOptions, Needs};
+
+        let sse41 = Features { sse41: true, ..Features::default() };
+        let older = [Features { avx: true, ..sse41 }, sse41, Features::default()];
+        let jits = [Jit::with_width(Width::Bits128)]
+            .into_iter()
+            .chain(older.map(Jit::with_features))
+            .map(|jit| jit.expect("older processors have less"));
+        let jits: Vec<Jit> = jits.collect();
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/test/courtyard/4spp.exr");
+        let window = Window::dense(8);
+        let scene = Scene::load(&file, &Needs::everything(), 8, &LoadOptions::default());
+        let scene = scene.expect("the project's own scene");
+        let rect = Rect { x: 0, y: 60, width: scene.layout().width(), height: 32 };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
+        println!("FMA, AVX, SSE4.1, SSE2");
+        for weight in filters().iter().take(6) {
+            let plan = Plan::new(&[weight.clone()], window, &Facts::of(&scene), Passes::ALL);
+            let plan = plan.expect("the scene has every feature");
+            let codes: Vec<_> = jits.iter().map(|jit| jit.compile(&plan).expect("sound")).collect();
+            // The fastest of interleaved rounds.
+            let mut times = vec![f64::INFINITY; codes.len()];
+            for _ in 0..5 {
+                for (code, time) in codes.iter().zip(&mut times) {
+                    let start = std::time::Instant::now();
+                    pool.install(|| code.run(&scene, &[rect])).expect("runs");
+                    *time = time.min(start.elapsed().as_secs_f64());
+                }
+            }
+            let pairs = (rect.pixels() * window.taps()) as f64;
+            let times = times.iter().map(|time| format!("{:.2}", time * 1e9 / pairs));
+            println!("{}  {weight:.40}", times.collect::<Vec<_>>().join("  "));
+        }
     }
 }

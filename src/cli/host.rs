@@ -27,6 +27,8 @@ struct Entry {
 struct Host {
     architecture: &'static str,
     threads: usize,
+    /// Instructions that code of 128 bits has to make of others.
+    emulated: Vec<&'static str>,
     vectors: Vec<Entry>,
 }
 
@@ -49,6 +51,7 @@ pub(super) fn report(as_json: bool) -> Result<String, Error> {
     let host = Host {
         architecture: std::env::consts::ARCH,
         threads: rayon::current_num_threads(),
+        emulated: Jit::with_width(Width::Bits128).map_or(Vec::new(), |jit| jit.emulated()),
         vectors: Width::ALL.map(entry).into(),
     };
     if as_json {
@@ -74,5 +77,13 @@ pub(super) fn report(as_json: bool) -> Result<String, Error> {
     }
     let threads = crate::report::number::plural(host.threads, "thread");
     let table = table.render(Format::Plain);
-    Ok(format!("{}, {threads}; vectors of machine code:\n{table}", host.architecture))
+    let emulated = match host.emulated.as_slice() {
+        [] => String::new(),
+        names => format!(
+            "This processor lacks instructions, which 128 bits make of others, to the same bits \
+             in more time: {}\n",
+            names.join(", ")
+        ),
+    };
+    Ok(format!("{}, {threads}; vectors of machine code:\n{table}{emulated}", host.architecture))
 }

@@ -284,7 +284,7 @@ fn inspect_tells_what_the_host_can_do() {
     assert_eq!(vectors.len(), 3);
     // The last that is not lacking is the one that is chosen.
     let possible: Vec<&Value> = vectors.iter().filter(|entry| entry["lacking"].is_null()).collect();
-    let (widest, others) = possible.split_last().expect("the tests need a host with FMA");
+    let (widest, others) = possible.split_last().expect("128 bits at least");
     assert_eq!(widest["chosen"], true);
     assert!(others.iter().all(|entry| entry["chosen"] == false));
     for entry in vectors.iter().filter(|entry| !entry["lacking"].is_null()) {

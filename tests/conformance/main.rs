@@ -1,6 +1,6 @@
 //! One suite for every back end, one line each below.
 //!
-//! Vectors that the processor lacks and a GPU that is absent are shown as ignored,
+//! Vectors and instructions that the processor lacks and a GPU that is absent are shown as ignored,
 //! never as passed; with
 //! `TAMIS_REQUIRE_GPU=1` in the environment its absence is a failure.
 
@@ -33,6 +33,9 @@ static JIT_128_OF_ONE_CHAIN: Opened = LazyLock::new(|| jit(Width::Bits128, Chain
 static JIT_256: Opened = LazyLock::new(|| jit(Width::Bits256, Chains::Two));
 static JIT_512: Opened = LazyLock::new(|| jit(Width::Bits512, Chains::One));
 static JIT_512_OF_TWO_CHAINS: Opened = LazyLock::new(|| jit(Width::Bits512, Chains::Two));
+static JIT_SSE2: Opened = LazyLock::new(|| older(SSE2));
+static JIT_SSE41: Opened = LazyLock::new(|| older(SSE41));
+static JIT_AVX: Opened = LazyLock::new(|| older(AVX));
 static GPU: Opened = LazyLock::new(|| open(Options::default()));
 static GPU_PLANAR: Opened = LazyLock::new(|| open(loading(Loads::Planar)));
 static GPU_TILED: Opened = LazyLock::new(|| open(loading(Loads::Tiled)));
@@ -40,6 +43,12 @@ static GPU_FAST: Opened =
     LazyLock::new(|| open(Options { precision: Precision::Fast, ..Options::default() }));
 static GPU_WITHOUT_TABLE: Opened =
     LazyLock::new(|| open(Options { tap_table: false, ..Options::default() }));
+
+/// x86-64 processors without fused multiply-add, from the first ones on.
+const SSE2: Features =
+    Features { sse41: false, avx: false, avx2: false, fma: false, avx512f: false };
+const SSE41: Features = Features { sse41: true, ..SSE2 };
+const AVX: Features = Features { avx: true, ..SSE41 };
 
 /// With the width that each takes.
 const PROCESSOR: &[(&str, Option<Width>, &Opened)] = &[
@@ -51,6 +60,9 @@ const PROCESSOR: &[(&str, Option<Width>, &Opened)] = &[
     ("jit_512", Some(Width::Bits512), &JIT_512),
     ("jit_512_of_two_chains", Some(Width::Bits512), &JIT_512_OF_TWO_CHAINS),
 ];
+/// Machine code as on processors that lack instructions.
+const OLDER: &[(&str, Features, &Opened)] =
+    &[("jit_sse2", SSE2, &JIT_SSE2), ("jit_sse41", SSE41, &JIT_SSE41), ("jit_avx", AVX, &JIT_AVX)];
 const GPUS: &[(&str, &Opened)] = &[
     ("gpu", &GPU),
     ("gpu_planar", &GPU_PLANAR),
@@ -61,6 +73,10 @@ const GPUS: &[(&str, &Opened)] = &[
 
 fn jit(width: Width, chains: Chains) -> Box<dyn Backend + Send> {
     Box::new(Jit::with_width(width).expect("the host has it").with_chains(chains))
+}
+
+fn older(features: Features) -> Box<dyn Backend + Send> {
+    Box::new(Jit::with_features(features).expect("it needs no more than the host has"))
 }
 
 fn loading(loads: Loads) -> Options {
@@ -80,8 +96,13 @@ fn main() -> ExitCode {
         let lacking = width.is_some_and(|width| !Features::of_host().allow(width));
         (name, lacking, opened)
     });
+    let older = OLDER.iter().map(|&(name, features, opened)| {
+        let lacking =
+            !cfg!(target_arch = "x86_64") || features.and(Features::of_host()) != features;
+        (name, lacking, opened)
+    });
     let gpus = GPUS.iter().map(|&(name, opened)| (name, absent, opened));
-    for (name, ignored, opened) in processor.chain(gpus) {
+    for (name, ignored, opened) in processor.chain(older).chain(gpus) {
         for case in suite::CASES {
             let name = format!("{name}::{}", case.name);
             trials.push(trial(name, ignored, || (case.check)(&***opened)));

@@ -227,16 +227,14 @@ impl<const N: usize> Nest for Assembler<'_, N> {
             Partials::Carried(nodes) => {
                 let builder = &mut self.builder;
                 for (k, p) in nodes[index].0.iter_mut().enumerate() {
-                    *p = builder.ins().fma(channel.0[k], weight.0[k], *p);
+                    *p = self.emulation.fma(builder, channel.0[k], weight.0[k], *p);
                 }
             }
             &mut Partials::Stored(base) => {
                 for k in 0..N {
                     let (flags, place) = (UNALIGNED, place::<N>(index, k));
-                    let ins = self.builder.ins();
-                    let p = ins.load(F32X4, flags, base, place);
-                    let ins = self.builder.ins();
-                    let p = ins.fma(channel.0[k], weight.0[k], p);
+                    let p = self.builder.ins().load(F32X4, flags, base, place);
+                    let p = self.fused(channel.0[k], weight.0[k], p);
                     self.builder.ins().store(flags, p, base, place);
                 }
             }
@@ -248,7 +246,7 @@ impl<const N: usize> Nest for Assembler<'_, N> {
         for k in 0..N {
             let place = k as i32 * VECTOR;
             let sum = self.builder.ins().load(F32X4, UNALIGNED, address, place);
-            let sum = self.builder.ins().fma(channel.0[k], weight.0[k], sum);
+            let sum = self.fused(channel.0[k], weight.0[k], sum);
             self.builder.ins().store(UNALIGNED, sum, address, place);
         }
     }

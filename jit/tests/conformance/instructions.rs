@@ -173,6 +173,34 @@ fn fma_rounds_once() {
     check(&tuples, Node::Fma(0, 1, 2));
 }
 
+/// Sums that are off the middle between two floats by less than an f64 shows: rounded
+/// to f64 first they would be that middle, and then be rounded to even.
+#[test]
+fn fma_rounds_once_beside_a_tie() {
+    let mut tuples = Vec::new();
+    // Products of 25 bits, the last of them set, are such middles; z tips the scales.
+    let odd = |n: u32| ((1 << 12) | (n.wrapping_mul(0x9e37_79b9) >> 20) | 1) as f32;
+    let factors = (0..1000).map(|n| [odd(n), odd(n ^ 0x5555)]);
+    for [x, y] in factors.filter(|[x, y]| x * y < (1 << 25) as f32) {
+        for (scale, little) in [(0, -40), (0, -100), (60, -80), (-60, -120), (-60, -149)] {
+            let (x, z) = (x * 2f32.powi(scale), 2f32.powi(little));
+            tuples.extend([[x, y, z], [x, y, -z], [-x, y, z], [-x, y, -z]]);
+        }
+    }
+    // Half of z's last place less a little, for a z of 24 bits and a subnormal one.
+    for (unit, of_x, last) in [(0, 0, 1 << 23), (-149, -75, 1 << 22)] {
+        let [of_x, of_y, unit] = [of_x, unit - of_x, unit].map(|n| 2f32.powi(n));
+        for n in 0..40 {
+            let z = (last + n) as f32 * unit;
+            for little in [-20, -22].map(|n| 2f32.powi(n)) {
+                let (x, y) = ((0.5 + 0.5 * little) * of_x, (1.0 - little) * of_y);
+                tuples.extend([[x, y, z], [-x, y, z], [x, -y, -z], [x, y, -z]]);
+            }
+        }
+    }
+    check(&tuples, Node::Fma(0, 1, 2));
+}
+
 #[test]
 fn constants_keep_their_bits() {
     for value in probes() {

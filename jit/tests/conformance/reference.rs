@@ -1,6 +1,6 @@
 //! The windowed sum as plain loops over [`Scalar`] lanes.
 
-use tamis_jit::{Body, Chains, CompileError, Compiler, Job, Scalar, Width, WindowSpec};
+use tamis_jit::{Body, Chains, CompileError, Compiler, Features, Job, Scalar, Width, WindowSpec};
 
 /// All results of one pixel, in the order of [`WindowSpec::result`].
 fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize) -> Vec<f32> {
@@ -49,13 +49,20 @@ fn bits(value: f32) -> u32 {
     if value.is_nan() { f32::NAN.to_bits() } else { value.to_bits() }
 }
 
-/// Compilers of all widths that this host has.
+/// Compilers of all widths that this host has, and of processors that have less: SSE2
+/// alone, SSE4.1, and AVX without fused multiply-add.
 pub(crate) fn compilers() -> Vec<Compiler> {
-    let compiler = |width| match Compiler::with_width(width) {
+    let width = |width| match Compiler::with_width(width) {
         Err(CompileError::Width(_)) if width != Width::Bits128 => None,
-        made => Some(made.expect("the tests need a host with FMA")),
+        made => Some(made.expect("the tests need a host with machine code")),
     };
-    Width::ALL.into_iter().filter_map(compiler).collect()
+    let sse2 = Features::default();
+    let sse41 = Features { sse41: true, ..sse2 };
+    let lesser = [sse2, sse41, Features { avx: true, ..sse41 }];
+    // Elsewhere than on x86-64 there are no such processors.
+    let lesser = lesser.into_iter().filter(|_| cfg!(target_arch = "x86_64"));
+    let lesser = lesser.map(|features| Compiler::with_features(features).expect("it needs less"));
+    Width::ALL.into_iter().filter_map(width).chain(lesser).collect()
 }
 
 /// Compiles `body` for every width and number of chains, runs it on `job`, and
@@ -64,12 +71,12 @@ pub(crate) fn assert_agrees<B: Body>(spec: WindowSpec, body: &B, job: &Job<'_>) 
     assert_ways_agree(spec, body, job, |_, _| true);
 }
 
-/// The same for some widths and numbers of chains.
+/// The same for some compilers and numbers of chains.
 pub(crate) fn assert_ways_agree<B: Body>(
     spec: WindowSpec,
     body: &B,
     job: &Job<'_>,
-    wanted: impl Fn(Width, Chains) -> bool,
+    wanted: impl Fn(&Compiler, Chains) -> bool,
 ) {
     let expected: Vec<Vec<f32>> = job
         .rect
@@ -80,8 +87,8 @@ pub(crate) fn assert_ways_agree<B: Body>(
         .collect();
     let compilers = compilers();
     let ways = compilers.iter().flat_map(|c| Chains::ALL.map(|chains| (c, chains)));
-    for (compiler, chains) in ways.filter(|(c, chains)| wanted(c.width(), *chains)) {
-        let width = compiler.width();
+    for (compiler, chains) in ways.filter(|(c, chains)| wanted(c, *chains)) {
+        let (width, emulated) = (compiler.width(), compiler.emulated());
         let kernel = compiler.compile(spec, Some(chains), body).expect("compiles");
         let mut out = vec![0.0; kernel.output_shape(&job.rect).len()];
         let shape = kernel.run(job, &mut out, &mut []).expect("fits");
@@ -92,7 +99,7 @@ pub(crate) fn assert_ways_agree<B: Body>(
                 assert_eq!(
                     bits(found),
                     bits(sum),
-                    "{width}, {chains:?}, row {row}, column {column}, result {result}: {found:e}, \
+                    "{width} emulating {emulated:?}, {chains:?}, row {row}, column {column}, result {result}: {found:e}, \
                      not {sum:e}"
                 );
             }

@@ -120,6 +120,58 @@ fn one_that_fails_takes_nobody_along() {
     }
 }
 
+/// Machine code, from a generator that panics halfway through a plan that reads depth.
+#[cfg(feature = "jit")]
+struct Panicking(crate::backend::Jit);
+
+#[cfg(feature = "jit")]
+impl Backend for Panicking {
+    fn name(&self) -> &'static str {
+        "panicking"
+    }
+
+    fn agreement(&self) -> crate::backend::Agreement {
+        self.0.agreement()
+    }
+
+    fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
+        use tamis_jit::{Body, Compiler, Lanes, WindowSpec};
+
+        struct Halfway;
+        impl Body for Halfway {
+            fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
+                lanes.constant(1.0);
+                panic!("a broken invariant");
+            }
+        }
+        if plan.planes().iter().any(|p| p.feature == crate::expr::Feature::Depth) {
+            let [planes, channels, weights] = [1; 3];
+            let (taps, absolute, mirrored) = (0, false, false);
+            let spec = WindowSpec { planes, taps, channels, weights, absolute, mirrored };
+            Compiler::host()?.compile(spec, None, &Halfway)?;
+        }
+        self.0.compile(plan)
+    }
+}
+
+#[test]
+#[cfg(feature = "jit")]
+fn a_panic_in_the_code_generator_costs_one_individual() {
+    let mut trees = bred(12);
+    trees.insert(5, "distance2(depth, depth)".parse().unwrap());
+    let reads_depth = |tree: &Tree| tree.to_string().to_lowercase().contains("depth");
+    let expected = fitness(&Interpreter).evaluate(&trees).unwrap();
+    let backend = Panicking(crate::backend::Jit::new().unwrap());
+    let values = fitness(&backend).evaluate(&trees).unwrap();
+    let mut spared = 0;
+    for ((tree, expected), value) in trees.iter().zip(expected).zip(values) {
+        let lost = reads_depth(tree);
+        assert_eq!(value, if lost { f64::INFINITY } else { expected }, "{tree}");
+        spared += usize::from(!lost && value.is_finite());
+    }
+    assert!(spared > 2, "{spared} of {}", trees.len());
+}
+
 #[test]
 fn breeding_on_all_pixels_is_judging_in_full() {
     let trees = bred(10);
