@@ -92,8 +92,9 @@ pub(super) struct Evolve {
     #[arg(long, value_name = "N", default_value_t = 5)]
     checkpoint_every: u32,
 
-    /// Breed nothing whose results hang on the last bit of a feature, and let no
-    /// finalist win that `tamis stress` finds unstable on the training scenes
+    /// Breed nothing whose results hang on the last bit of a feature or are far from
+    /// exact, and let no finalist win that `tamis stress` finds unstable on the training
+    /// scenes
     #[arg(long)]
     require_stable: bool,
 
