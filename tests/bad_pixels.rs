@@ -260,14 +260,16 @@ fn what_is_left_in_stays_in_its_window() {
         RawScene::prepare(raw, &Needs::everything(), PAD, &options).expect("nothing is refused")
     };
     let [raw, bare] = scenes();
-    let mut backends: Vec<Box<dyn Backend>> = vec![Box::new(Interpreter)];
-    #[cfg(feature = "jit")]
-    backends.push(Box::new(tamis::backend::Jit::new().expect("the host has a code generator")));
-    for backend in &backends {
+    let backends: [&dyn Backend; _] = [
+        &Interpreter,
+        #[cfg(feature = "jit")]
+        &tamis::backend::Jit::new().expect("the host has a code generator"),
+    ];
+    for backend in backends {
         for (name, weight, _) in filters() {
             for raw in [&raw, &bare] {
                 let sane = leave(raw.clone());
-                let before = run(backend.as_ref(), &sane, &weight);
+                let before = run(backend, &sane, &weight);
                 let noisy = sane.noisy();
                 for &key in raw.features.keys() {
                     for bad in BAD {
@@ -278,7 +280,7 @@ fn what_is_left_in_stays_in_its_window() {
                             })
                             .expect("few pixels are the median of something");
                         let left = leave(with(raw, key, place, |_| bad));
-                        let after = run(backend.as_ref(), &left, &weight);
+                        let after = run(backend, &left, &weight);
                         let what = format!("{}, {name}, {key:?} is {bad}", backend.name());
                         for (k, (now, then)) in after.pixels.iter().zip(&before.pixels).enumerate()
                         {

@@ -61,7 +61,7 @@ pub const TRUSTED_SHARE: f32 = 1.0 / 1024.0;
 pub const ACCURACY: f64 = 1e-5;
 
 /// The same where functions are made with [`Precision::Fast`](crate::plan::Precision).
-/// Short exponentials and powers are within 250 units in the last place, built-in ones of
+/// Short exponentials and powers are within 600 units in the last place, built-in ones of
 /// shaders within 3 + 2 abs(x), and weights below a millionth of the greatest hardly count.
 pub const FAST_ACCURACY: f64 = 1e-4;
 

@@ -187,18 +187,30 @@ fn fma_rounds_once_beside_a_tie() {
             tuples.extend([[x, y, z], [x, y, -z], [-x, y, z], [-x, y, -z]]);
         }
     }
-    // Half of z's last place less a little, for a z of 24 bits and a subnormal one.
-    for (unit, of_x, last) in [(0, 0, 1 << 23), (-149, -75, 1 << 22)] {
-        let [of_x, of_y, unit] = [of_x, unit - of_x, unit].map(|n| 2f32.powi(n));
-        for n in 0..40 {
-            let z = (last + n) as f32 * unit;
-            for little in [-20, -22].map(|n| 2f32.powi(n)) {
-                let (x, y) = ((0.5 + 0.5 * little) * of_x, (1.0 - little) * of_y);
-                tuples.extend([[x, y, z], [-x, y, z], [x, -y, -z], [x, y, -z]]);
-            }
+    tuples.extend(half_of_the_last_place(1 << 23, [0, 0]));
+    check(&tuples, Node::Fma(0, 1, 2));
+}
+
+/// The same where floats lie further apart than their size says.
+#[test]
+fn fma_rounds_once_beside_a_subnormal_tie() {
+    check(&half_of_the_last_place(1 << 22, [-75, -74]), Node::Fma(0, 1, 2));
+}
+
+/// Products that are half of z's last place, less a little: the scales are powers of
+/// two for both factors.
+fn half_of_the_last_place(first: u32, scales: [i32; 2]) -> Vec<[f32; 3]> {
+    let unit = 2f32.powi(scales[0] + scales[1]);
+    let [of_x, of_y] = scales.map(|n| 2f32.powi(n));
+    let mut tuples = Vec::new();
+    for n in 0..40 {
+        let z = (first + n) as f32 * unit;
+        for little in [-20, -22].map(|n| 2f32.powi(n)) {
+            let (x, y) = ((0.5 + 0.5 * little) * of_x, (1.0 - little) * of_y);
+            tuples.extend([[x, y, z], [-x, y, z], [x, -y, -z], [x, y, -z]]);
         }
     }
-    check(&tuples, Node::Fma(0, 1, 2));
+    tuples
 }
 
 #[test]

@@ -68,7 +68,7 @@ pub const SHORT_POW: Binary = Binary {
 };
 
 const BUDGET: Budget = Budget { ulp: 3.5, absolute: 1.1e-19 };
-const SHORT_BUDGET: Budget = Budget { ulp: 250.0, ..BUDGET };
+const SHORT_BUDGET: Budget = Budget { ulp: 600.0, ..BUDGET };
 const FAST: Fast = Fast { within: 16.0, budget: Budget { ulp: 500.0, ..BUDGET } };
 
 /// The logarithm of 0: far enough to decide any exponent that means something,
