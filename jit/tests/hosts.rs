@@ -92,8 +92,9 @@ fn what_is_lacking_is_emulated() {
     let sse41 = Features { sse41: true, ..Features::default() };
     assert_eq!(emulated(Features::default()), ["fused multiply-add", "rounding"]);
     // An encoding that AVX has and SSE has not is what fused instructions are in.
-    for features in [sse41, Features { avx: true, ..sse41 }, Features { fma: true, ..sse41 }] {
-        assert_eq!(emulated(features.and(Features::of_host())), ["fused multiply-add"]);
+    let lesser = [sse41, Features { avx: true, ..sse41 }, Features { fma: true, ..sse41 }];
+    for features in lesser.into_iter().filter(|f| f.and(Features::of_host()) == *f) {
+        assert_eq!(emulated(features), ["fused multiply-add"]);
     }
 }
 

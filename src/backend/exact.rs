@@ -10,8 +10,8 @@ use crate::scene::Scene;
 
 /// The [`oracle`] as a back end. Only the last step rounds to `f32`, so that colours are
 /// within half a unit in the last place of what f64 gives. It looks at the plan's
-/// weights as they were given, evaluates them node by node, and takes some hundred times
-/// as long as machine code.
+/// weights as they were given, evaluates them node by node, and takes hundreds of
+/// times as long as machine code.
 #[derive(Clone, Copy, Debug)]
 pub struct Exact;
 

@@ -120,8 +120,8 @@ pub(super) enum Tier {
     Fast,
     /// Every operator within its budget: within 1e-5 of the exact colour
     Standard,
-    /// What the filter means, in f64, on the processor: within rounding to f32, and some
-    /// hundred times as long
+    /// What the filter means, in f64, on the processor: within rounding to f32, in
+    /// hundreds of times the time
     Exact,
 }
 
