@@ -414,8 +414,12 @@ fn sums_far_from_one(backend: &dyn Backend) {
 /// Where Σ c·w leaves the range of `f32` the noisy colour stays, and only there.
 fn sums_that_overflow(backend: &dyn Backend) {
     let pixels = WEIGHTED.0 * WEIGHTED.1;
-    // Brighter and brighter to the right, until 441 terms are too much.
-    let ramp = |k: usize| 1e18 * ((k % WEIGHTED.0 + 1) as f32 / 20.0).min(1.0);
+    // Brighter and brighter to the right, until 441 terms are too much; and never of one
+    // colour, which needs no sum.
+    let ramp = |k: usize| {
+        let bright = ((k % WEIGHTED.0 + 1) as f32 / 20.0).min(1.0);
+        1e18 * bright * (1.0 - 0.01 * (k % 5) as f32)
+    };
     let color = [0; 3].map(|_| (0..pixels).map(ramp).collect());
     let (scene, tree) = weighted(vec![1e18; pixels], color);
     let window = Window::dense(10);
