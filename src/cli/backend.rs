@@ -114,14 +114,11 @@ impl Choice {
 }
 
 /// How accurate filters are run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Tier {
-    /// Exponentials and powers made short, on a GPU built-in: within 1e-4
-    Fast,
-    /// Every operator within its budget: within 1e-5 of the exact colour
-    Standard,
-    /// What the filter means, in f64, on the processor: within rounding to f32, in
-    /// hundreds of times the time
+    /// By code of a precision.
+    Code(Precision),
+    /// By their meaning.
     Exact,
 }
 
@@ -129,15 +126,28 @@ impl Tier {
     /// How plans are made for it.
     pub(super) fn precision(self) -> Precision {
         match self {
-            Self::Fast => Precision::Fast,
-            Self::Standard | Self::Exact => Precision::Standard,
+            Self::Code(precision) => precision,
+            Self::Exact => Precision::Standard,
         }
     }
 }
 
+/// Reads a tier by its name, and lists all.
+pub(super) fn tiers() -> impl TypedValueParser<Value = Tier> {
+    let exact = PossibleValue::new("exact").help(
+        "What the filter means, in f64, on the processor: within rounding to f32, in hundreds of \
+         times the time",
+    );
+    PossibleValuesParser::new(Precision::ALL.map(listed).into_iter().chain([exact]))
+        .map(|name| Precision::named(&name).map_or(Tier::Exact, Tier::Code))
+}
+
+fn listed(precision: Precision) -> PossibleValue {
+    PossibleValue::new(precision.name()).help(precision.doc())
+}
+
 /// Reads a precision of code by its name, and lists both.
 pub(super) fn precisions() -> impl TypedValueParser<Value = Precision> {
-    let listed = |precision: Precision| PossibleValue::new(precision.name()).help(precision.doc());
     PossibleValuesParser::new(Precision::ALL.map(listed))
         .map(|name| Precision::named(&name).expect("the command line accepts no other name"))
 }
@@ -163,7 +173,7 @@ pub(super) struct BackendArgs {
     max_memory: u64,
 
     /// How accurate filters are run
-    #[arg(long, value_enum, value_name = "PRECISION", default_value_t = Tier::Standard)]
+    #[arg(long, value_name = "PRECISION", default_value = Precision::Standard.name(), value_parser = tiers())]
     precision: Tier,
 }
 
@@ -207,7 +217,7 @@ impl BackendArgs {
 
     fn open_processor(&self, processor: Processor) -> Result<Box<dyn Backend>, Error> {
         match self.precision {
-            Tier::Fast | Tier::Standard => processor.open(self.lanes.lanes),
+            Tier::Code(_) => processor.open(self.lanes.lanes),
             Tier::Exact if self.lanes.lanes != Lanes::Auto => Err(self.lanes.lanes.refused()),
             Tier::Exact => Ok(Box::new(Exact)),
         }

@@ -22,7 +22,7 @@ use std::rc::Rc;
 use clap::Args;
 
 use super::apply::{needs, reach};
-use super::backend::{Lanes, Tier};
+use super::backend::{Lanes, Tier, tiers};
 use super::error::Error;
 use super::log::Log;
 use super::score::filters;
@@ -76,7 +76,7 @@ pub(super) struct Bench {
 
     /// How accurate filters are run, each a back end of its own; `exact` is one for all
     /// [default: standard, on a GPU also fast]
-    #[arg(long, num_args = 1.., value_enum, value_name = "PRECISION")]
+    #[arg(long, num_args = 1.., value_name = "PRECISION", value_parser = tiers())]
     precision: Vec<Tier>,
 
     /// Which GPU: an index or a part of its name (see `tamis gpus`) [default: the
@@ -194,8 +194,11 @@ impl Bench {
                 Choice::Gpu => Precision::ALL.into(),
             };
         }
-        let code = self.precision.iter().filter(|&&tier| tier != Tier::Exact);
-        code.map(|tier| tier.precision()).collect()
+        let code = |tier: &Tier| match tier {
+            Tier::Code(precision) => Some(*precision),
+            Tier::Exact => None,
+        };
+        self.precision.iter().filter_map(code).collect()
     }
 
     /// Everybody who takes part, in the order of the rows.

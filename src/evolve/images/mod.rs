@@ -279,14 +279,13 @@ impl Fitness for ImageFitness<'_> {
 
     fn identity(&self) -> String {
         let names: Vec<&str> = self.scenes.iter().map(|t| t.scene.name()).collect();
-        let restriction = self.restriction.as_ref().map(|restriction| restriction.name);
+        let restriction = self.restriction.as_ref().map(|r| format!(", {}", r.name));
         format!(
-            "{} of {} over {:?}, {:?}{}{}",
+            "{} of {} over {:?}, {:?}{}",
             self.measure.name(),
             names.join(" "),
             self.batching.window,
             self.coverage,
-            if restriction.is_some() { ", " } else { "" },
             restriction.unwrap_or_default()
         )
     }
