@@ -66,6 +66,12 @@ pub trait Lanes {
     /// Zero and subnormals give -127, infinities and NaN give 128.
     fn exponent(&mut self, x: Self::F) -> Self::F;
 
+    /// The same of a normal number, which may take fewer instructions. What zero,
+    /// subnormals, infinities and NaN give is not said.
+    fn exponent_of_normal(&mut self, x: Self::F) -> Self::F {
+        self.exponent(x)
+    }
+
     /// The mantissa field as a number in `1.0..2.0`:
     /// `f32::from_bits((x.to_bits() & 0x007f_ffff) | 0x3f80_0000)`.
     fn mantissa(&mut self, x: Self::F) -> Self::F;

@@ -297,8 +297,13 @@ impl Builder {
                 return b;
             }
         }
-        if self.rules.fold && a == b {
-            return a;
+        if self.rules.fold {
+            if a == b {
+                return a;
+            }
+            if let Some(inner) = self.bounded_less(Prim::Min, a, b, |own, new| new < own) {
+                return self.min(inner, b);
+            }
         }
         self.apply(Prim::Min, &[a, b])
     }
@@ -313,10 +318,29 @@ impl Builder {
                 return b;
             }
         }
-        if self.rules.fold && a == b {
-            return a;
+        if self.rules.fold {
+            if a == b {
+                return a;
+            }
+            if let Some(inner) = self.bounded_less(Prim::Max, a, b, |own, new| new > own) {
+                return self.max(inner, b);
+            }
         }
         self.apply(Prim::Max, &[a, b])
+    }
+
+    /// What `a` bounds, if `a` is a minimum or maximum with a constant and the constant
+    /// `b` is a tighter bound of the same kind.
+    fn bounded_less(
+        &self,
+        prim: Prim,
+        a: Value,
+        b: Value,
+        tighter: impl Fn(f32, f32) -> bool,
+    ) -> Option<Value> {
+        let Instr::Prim(made, [inner, own, ..]) = self.tape.instr(a) else { return None };
+        let (own, new) = (self.constant_of(own)?, self.constant_of(b)?);
+        (made == prim && tighter(own, new)).then_some(inner)
     }
 
     /// `a * b + c`, rounded once.
@@ -501,4 +525,39 @@ impl Builder {
 
 fn is_power_of_two(c: f32) -> bool {
     c.is_normal() && c.to_bits() & 0x007f_ffff == 0 && (1.0 / c).is_normal()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tape::{Input, Side};
+    use super::*;
+
+    /// Clamps of clamps, as of sums that go into exponentials.
+    #[test]
+    fn of_two_bounds_the_tighter_remains() {
+        let primitives = |build: &dyn Fn(&mut Builder, Value) -> Value| {
+            let mut b = Builder::new(Rules::ALL);
+            let x = b.input(Input::PerPixel(0, Side::I), Interval::new(-LIMIT, LIMIT));
+            let result = build(&mut b, x);
+            let tape = b.finish(&[result]);
+            tape.instrs().iter().filter(|instr| matches!(instr, Instr::Prim(..))).count()
+        };
+        let max = |b: &mut Builder, x, bound| {
+            let bound = b.constant(bound);
+            b.max(x, bound)
+        };
+        let min = |b: &mut Builder, x, bound| {
+            let bound = b.constant(bound);
+            b.min(x, bound)
+        };
+        let bounds = |bound: fn(&mut Builder, Value, f32) -> Value, first, second| {
+            primitives(&|b, x| {
+                let x = bound(b, x, first);
+                bound(b, x, second)
+            })
+        };
+        assert_eq!([bounds(max, -5.0, -3.0), bounds(max, -3.0, -5.0)], [1, 1]);
+        assert_eq!([bounds(min, 5.0, 3.0), bounds(min, 3.0, 5.0)], [1, 1]);
+        assert_eq!(primitives(&|b, x| b.clamp(x, -3.0, 3.0)), 2);
+    }
 }

@@ -17,7 +17,7 @@ use std::mem::offset_of;
 
 use super::encode::{Address, Assembler, Fused, Operand, Predicate, Vector};
 use super::frame::{CALL, Frame, MIRROR, SUM};
-use super::program::{Binary, Id, Leaf, Op, Program};
+use super::program::{Binary, Id, Leaf, Op, Program, Signs};
 use crate::call::Call;
 use crate::lanes::Side;
 use uses::{Copies, Place, Uses, Value, pressure};
@@ -198,8 +198,8 @@ impl<'a> Emitter<'a> {
                 let to = self.binary(op, operands[0], operands[1], place);
                 self.hold(result, to);
             }
-            Op::Fma(..) => {
-                let to = self.fma(operands[0], operands[1], operands[2], place);
+            Op::Fma(signs, ..) => {
+                let to = self.fma(signs, operands[0], operands[1], operands[2], place);
                 self.hold(result, to);
             }
             Op::Select(_) => {
@@ -209,8 +209,9 @@ impl<'a> Emitter<'a> {
             Op::Accumulate(index, ..) => {
                 let factor = self.held(operands[1]);
                 let channel = self.operand(operands[0], place);
-                let partial = self.frame.partials[index * self.copies.chains + copy];
-                self.asm.fused(Fused::Order231, partial, factor, channel);
+                let chain = copy % self.copies.chains;
+                let partial = self.frame.partials[index * self.copies.chains + chain];
+                self.asm.fused(Fused::Order231, Signs::Plus, partial, factor, channel);
             }
             Op::Owe(index, ..) => self.owe(index, operands[0], operands[1], copy),
         }
@@ -234,7 +235,7 @@ impl<'a> Emitter<'a> {
         to
     }
 
-    fn fma(&mut self, x: Value, y: Value, z: Value, place: Place) -> Vector {
+    fn fma(&mut self, signs: Signs, x: Value, y: Value, z: Value, place: Place) -> Vector {
         // At most one operand stays in memory, and only if it is there once.
         let single = |value: Value| [x, y, z].iter().filter(|&&other| other == value).count() == 1;
         let memory = [z, y, x].into_iter().find(|&v| single(v) && self.stays_in_memory(v, place));
@@ -257,12 +258,12 @@ impl<'a> Emitter<'a> {
             match (x_dies, y_dies) {
                 (Some(to), _) => {
                     let (other, last) = (register(self, y), self.in_memory(z));
-                    self.asm.fused(Fused::Order213, to, other, last);
+                    self.asm.fused(Fused::Order213, signs, to, other, last);
                     to
                 }
                 (None, Some(to)) => {
                     let last = self.in_memory(z);
-                    self.asm.fused(Fused::Order213, to, factor, last);
+                    self.asm.fused(Fused::Order213, signs, to, factor, last);
                     to
                 }
                 (None, None) => {
@@ -270,7 +271,7 @@ impl<'a> Emitter<'a> {
                     let to = self.take();
                     let sum = self.in_memory(z);
                     self.asm.load(to, sum);
-                    self.asm.fused(Fused::Order231, to, factor, other);
+                    self.asm.fused(Fused::Order231, signs, to, factor, other);
                     to
                 }
             }
@@ -282,21 +283,21 @@ impl<'a> Emitter<'a> {
             };
             match (z_dies, x_dies, y_dies) {
                 (Some(to), _, _) => {
-                    self.asm.fused(Fused::Order231, to, factor, last);
+                    self.asm.fused(Fused::Order231, signs, to, factor, last);
                     to
                 }
                 (None, Some(to), _) => {
-                    self.asm.fused(Fused::Order132, to, sum, last);
+                    self.asm.fused(Fused::Order132, signs, to, sum, last);
                     to
                 }
                 (None, None, Some(to)) => {
-                    self.asm.fused(Fused::Order213, to, factor, Operand::Register(sum));
+                    self.asm.fused(Fused::Order213, signs, to, factor, Operand::Register(sum));
                     to
                 }
                 (None, None, None) => {
                     let to = self.take();
                     self.asm.load(to, last);
-                    self.asm.fused(Fused::Order213, to, factor, Operand::Register(sum));
+                    self.asm.fused(Fused::Order213, signs, to, factor, Operand::Register(sum));
                     to
                 }
             }
@@ -365,7 +366,7 @@ impl<'a> Emitter<'a> {
             self.begin(&operands, place);
             let factor = self.held(operands[1]);
             let channel = self.operand(operands[0], place);
-            self.asm.fused(Fused::Order231, to, factor, channel);
+            self.asm.fused(Fused::Order231, Signs::Plus, to, factor, channel);
             for operand in operands {
                 self.release(operand);
             }
@@ -385,7 +386,7 @@ impl<'a> Emitter<'a> {
         let (factor, channel) = (self.held(weight), self.held(channel));
         let to = self.take();
         self.asm.load(to, Operand::Memory(sum));
-        self.asm.fused(Fused::Order231, to, factor, Operand::Register(channel));
+        self.asm.fused(Fused::Order231, Signs::Plus, to, factor, Operand::Register(channel));
         self.asm.store(sum, to);
     }
 }

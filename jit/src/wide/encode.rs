@@ -6,7 +6,7 @@
 
 use iced_x86::{Code, Encoder, IcedError, Instruction, MemoryOperand, Register};
 
-use super::program::{Binary, Unary};
+use super::program::{Binary, Signs, Unary};
 use crate::error::CompileError;
 use crate::width::Width;
 
@@ -251,6 +251,9 @@ impl Assembler {
                 );
                 self.immediate(code, to, x, 8);
             }
+            Unary::Exponent => {
+                self.emit2(Code::EVEX_Vgetexpps_zmm_k1z_zmmm512b32_sae, to, x);
+            }
             Unary::ShiftLeft(by) => {
                 let code = self
                     .code(Code::VEX_Vpslld_ymm_ymm_imm8, Code::EVEX_Vpslld_zmm_k1z_zmmm512b32_imm8);
@@ -313,22 +316,16 @@ impl Assembler {
         self.emit3(code, to, x, y);
     }
 
-    /// `to`, `middle` and `last` multiplied and added in this order.
-    pub(super) fn fused(&mut self, order: Fused, to: Vector, middle: Vector, last: Operand) {
-        let (narrow, wide) = match order {
-            Fused::Order132 => (
-                Code::VEX_Vfmadd132ps_ymm_ymm_ymmm256,
-                Code::EVEX_Vfmadd132ps_zmm_k1z_zmm_zmmm512b32_er,
-            ),
-            Fused::Order213 => (
-                Code::VEX_Vfmadd213ps_ymm_ymm_ymmm256,
-                Code::EVEX_Vfmadd213ps_zmm_k1z_zmm_zmmm512b32_er,
-            ),
-            Fused::Order231 => (
-                Code::VEX_Vfmadd231ps_ymm_ymm_ymmm256,
-                Code::EVEX_Vfmadd231ps_zmm_k1z_zmm_zmmm512b32_er,
-            ),
-        };
+    /// `to`, `middle` and `last` multiplied and added in this order, with these signs.
+    pub(super) fn fused(
+        &mut self,
+        order: Fused,
+        signs: Signs,
+        to: Vector,
+        middle: Vector,
+        last: Operand,
+    ) {
+        let (narrow, wide) = fused_codes(order, signs);
         let (code, to) = (self.code(narrow, wide), self.register(to));
         self.emit3(code, to, middle, last);
     }
@@ -452,5 +449,59 @@ impl Assembler {
     pub(super) fn leave(&mut self) {
         self.emit(Ok(Instruction::with(Code::VEX_Vzeroupper)));
         self.emit(Ok(Instruction::with(Code::Retnq)));
+    }
+}
+
+/// The instructions of 256 and 512 bits.
+fn fused_codes(order: Fused, signs: Signs) -> (Code, Code) {
+    match (order, signs) {
+        (Fused::Order132, Signs::Plus) => (
+            Code::VEX_Vfmadd132ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfmadd132ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order213, Signs::Plus) => (
+            Code::VEX_Vfmadd213ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfmadd213ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order231, Signs::Plus) => (
+            Code::VEX_Vfmadd231ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfmadd231ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order132, Signs::Minus) => (
+            Code::VEX_Vfmsub132ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfmsub132ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order213, Signs::Minus) => (
+            Code::VEX_Vfmsub213ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfmsub213ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order231, Signs::Minus) => (
+            Code::VEX_Vfmsub231ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfmsub231ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order132, Signs::NegatedPlus) => (
+            Code::VEX_Vfnmadd132ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfnmadd132ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order213, Signs::NegatedPlus) => (
+            Code::VEX_Vfnmadd213ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfnmadd213ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order231, Signs::NegatedPlus) => (
+            Code::VEX_Vfnmadd231ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfnmadd231ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order132, Signs::NegatedMinus) => (
+            Code::VEX_Vfnmsub132ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfnmsub132ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order213, Signs::NegatedMinus) => (
+            Code::VEX_Vfnmsub213ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfnmsub213ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
+        (Fused::Order231, Signs::NegatedMinus) => (
+            Code::VEX_Vfnmsub231ps_ymm_ymm_ymmm256,
+            Code::EVEX_Vfnmsub231ps_zmm_k1z_zmm_zmmm512b32_er,
+        ),
     }
 }

@@ -53,8 +53,8 @@ pub(super) struct Frame {
     pub(super) width: Width,
     /// Vectors of pixels side by side.
     pub(super) chains: usize,
-    /// Taps at once, one or two: partials in memory are then fetched and stored half
-    /// as often. An odd tap that is left over comes alone.
+    /// Taps at once, one or two. Two do not wait for one another, and partials in memory
+    /// are fetched and stored half as often. An odd tap that is left over comes alone.
     pub(super) taps: usize,
     /// Planes whose addresses stay in registers.
     pub(super) bases: Vec<(usize, Register)>,
@@ -83,7 +83,13 @@ impl Frame {
             true => (first as u8..registers).map(Vector).collect(),
             false => Vec::new(),
         };
-        let taps = if partials.is_empty() && !spec.mirrored && chains <= 2 { 2 } else { 1 };
+        let stored = partials.is_empty();
+        let taps = match chains {
+            _ if spec.mirrored => 1,
+            1 | 2 if stored => 2,
+            2 if width == Width::Bits512 => 2,
+            _ => 1,
+        };
         let spare = (!spec.mirrored && taps == 1).then_some(MIRROR);
         Self { spec, width, chains, taps, bases: bases(spec, program, spare), partials }
     }

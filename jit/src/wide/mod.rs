@@ -39,14 +39,14 @@ pub(crate) struct Code {
     pub(crate) step: usize,
 }
 
-/// Bodies with more instructions than this need more chains. A processor looks a
-/// few dozen vector instructions ahead: in a short body it sees several taps, which
-/// do not depend on one another, in a long one little more than the chain at hand.
-/// A short one does better with the registers: they keep what belongs to pixel i.
+/// Bodies with more instructions than this need more chains. A processor looks a few
+/// hundred instructions ahead: in a short body it sees several taps, which do not depend
+/// on one another, in a long one little more than the chain at hand. A short one does
+/// better with the registers: they keep what belongs to pixel i.
 ///
-/// Measured at 512 bits, two chains against one: 0.82 of the time for kan2017 and
-/// 0.83 for bred expressions, 1.1 for a cross-bilateral filter of 52 instructions. At
-/// 256 bits, four against two: 0.73, 0.92 and 1.3.
+/// Measured at 512 bits, two chains against one: 0.82 of the time for kan2017, 0.71 to
+/// 0.91 for bred expressions, 1.13 for a cross-bilateral filter of 52 instructions. At
+/// 256 bits, four against two: 0.77, 0.72 to 0.82 and 0.96.
 const LONG: usize = 64;
 
 /// Compiles one kernel of 256 or 512 bits.
@@ -56,7 +56,7 @@ pub(crate) fn compile<B: Body>(
     chains: Option<Chains>,
     body: &B,
 ) -> Result<Code, CompileError> {
-    let mut recorder = Recorder::new(spec);
+    let mut recorder = Recorder::new(spec, width);
     window::emit(&mut recorder, &spec, body)?;
     let program = recorder.finish()?;
     let chains = chains.unwrap_or_else(|| suitable(&spec, width, &program)).count();
@@ -64,7 +64,8 @@ pub(crate) fn compile<B: Body>(
     let mut asm = Assembler::new(width, &constants);
     let entry = asm.here();
     let frame = Frame::new(spec, width, chains, asm.registers(), &program);
-    let order = schedule::schedule(&program, frame.copies());
+    let registers = usize::from(asm.registers()) - frame.partials.len();
+    let order = schedule::schedule(&program, frame.copies(), registers);
     let scratch = loops::emit(&mut asm, &frame, &program, &order, &constants);
     Ok(Code { bytes: asm.finish()?, entry, scratch, step: chains * width.lanes() })
 }
@@ -75,11 +76,12 @@ fn suitable(spec: &WindowSpec, width: Width, program: &Program) -> Chains {
         Width::Bits512 => (Chains::One, Chains::Two),
         _ => (Chains::Two, Chains::Four),
     };
-    // Two taps at once do as well as twice the chains, and then some.
     let registers = Assembler::registers_of(width);
     let stored = !frame::carries(spec.results() * few.count(), registers);
-    let doubled = stored && !spec.mirrored;
-    if program.instructions() > LONG && !doubled { many } else { few }
+    // Two taps at once do as well as twice the chains; and sixteen registers are too few
+    // for several weights in four copies each.
+    let enough = stored && (!spec.mirrored || width == Width::Bits256);
+    if program.instructions() > LONG && !enough { many } else { few }
 }
 
 /// All constants of a program, each once and in order.

@@ -6,6 +6,7 @@ use rustc_hash::FxHashMap;
 
 use crate::error::CompileError;
 use crate::lanes::{Lanes, Side};
+use crate::width::Width;
 use crate::window::{Nest, WindowSpec};
 
 /// The number of an [`Op`], which is also the name of its value.
@@ -25,6 +26,8 @@ pub(super) enum Leaf {
 pub(super) enum Unary {
     Sqrt,
     Round,
+    /// The exponent of a normal number, at 512 bits alone.
+    Exponent,
     /// From a signed integer.
     Convert,
     ShiftLeft(u8),
@@ -55,14 +58,41 @@ impl Binary {
     }
 }
 
+/// What a multiply-add negates before it adds, which costs nothing and rounds nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Signs {
+    /// x × y + z
+    Plus,
+    /// x × y - z
+    Minus,
+    /// -(x × y) + z
+    NegatedPlus,
+    /// -(x × y) - z
+    NegatedMinus,
+}
+
+impl Signs {
+    fn new(product: bool, addend: bool) -> Self {
+        match (product, addend) {
+            (false, false) => Self::Plus,
+            (false, true) => Self::Minus,
+            (true, false) => Self::NegatedPlus,
+            (true, true) => Self::NegatedMinus,
+        }
+    }
+}
+
+/// The bits of -0.0, which negate by exclusive or.
+const SIGN: u32 = 0x8000_0000;
+
 /// One instruction.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Op {
     Leaf(Leaf),
     Unary(Unary, Id),
     Binary(Binary, Id, Id),
-    /// x × y + z, rounded once.
-    Fma(Id, Id, Id),
+    /// ±(x × y) ± z, rounded once.
+    Fma(Signs, Id, Id, Id),
     /// `if a < b { x } else { y }` for `[a, b, x, y]`.
     Select([Id; 4]),
     /// Partial number n += channel × weight, rounded once.
@@ -78,7 +108,7 @@ impl Op {
             Self::Leaf(_) => ([0; 4], 0),
             Self::Unary(_, x) => ([x, 0, 0, 0], 1),
             Self::Binary(_, x, y) => ([x, y, 0, 0], 2),
-            Self::Fma(x, y, z) => ([x, y, z, 0], 3),
+            Self::Fma(_, x, y, z) => ([x, y, z, 0], 3),
             Self::Select(list) => (list, 4),
             Self::Accumulate(_, x, y) | Self::Owe(_, x, y) => ([x, y, 0, 0], 2),
         };
@@ -105,6 +135,7 @@ impl Program {
 /// Writes down what a body asks for.
 pub(super) struct Recorder {
     spec: WindowSpec,
+    width: Width,
     ops: Vec<Op>,
     leaves: FxHashMap<Leaf, Id>,
     fault: Option<CompileError>,
@@ -116,8 +147,8 @@ pub(super) struct Recorder {
 pub(super) struct Less(Id, Id);
 
 impl Recorder {
-    pub(super) fn new(spec: WindowSpec) -> Self {
-        Self { spec, ops: Vec::new(), leaves: FxHashMap::default(), fault: None }
+    pub(super) fn new(spec: WindowSpec, width: Width) -> Self {
+        Self { spec, width, ops: Vec::new(), leaves: FxHashMap::default(), fault: None }
     }
 
     /// What was asked for, or the first thing that the body had no right to.
@@ -156,6 +187,18 @@ impl Recorder {
         self.leaf(Leaf::Constant(bits))
     }
 
+    /// What a value is the negative of, or itself; and which of the two.
+    fn unsigned(&self, value: Id) -> (Id, bool) {
+        let constant = |id: Id| match self.ops[id as usize] {
+            Op::Leaf(Leaf::Constant(bits)) => Some(bits),
+            _ => None,
+        };
+        match self.ops[value as usize] {
+            Op::Binary(Binary::Xor, x, sign) if constant(sign) == Some(SIGN) => (x, true),
+            _ => (value, false),
+        }
+    }
+
     /// Remembers the first fault and stands in for the value.
     fn refuse(&mut self, fault: CompileError) -> Id {
         self.fault.get_or_insert(fault);
@@ -188,7 +231,7 @@ impl Lanes for Recorder {
     }
 
     fn neg(&mut self, x: Id) -> Id {
-        let sign = self.bits(0x8000_0000);
+        let sign = self.bits(SIGN);
         self.push(Op::Binary(Binary::Xor, x, sign))
     }
 
@@ -220,6 +263,13 @@ impl Lanes for Recorder {
         self.push(Op::Unary(Unary::Convert, unbiased))
     }
 
+    fn exponent_of_normal(&mut self, x: Id) -> Id {
+        match self.width {
+            Width::Bits512 => self.push(Op::Unary(Unary::Exponent, x)),
+            _ => self.exponent(x),
+        }
+    }
+
     fn mantissa(&mut self, x: Id) -> Id {
         let (mask, one) = (self.bits(0x007f_ffff), self.constant(1.0));
         let field = self.push(Op::Binary(Binary::And, x, mask));
@@ -227,11 +277,20 @@ impl Lanes for Recorder {
     }
 
     fn add(&mut self, x: Id, y: Id) -> Id {
-        self.push(Op::Binary(Binary::Add, x, y))
+        let op = match (self.unsigned(x), self.unsigned(y)) {
+            (_, (y, true)) => Op::Binary(Binary::Sub, x, y),
+            ((x, true), _) => Op::Binary(Binary::Sub, y, x),
+            _ => Op::Binary(Binary::Add, x, y),
+        };
+        self.push(op)
     }
 
     fn sub(&mut self, x: Id, y: Id) -> Id {
-        self.push(Op::Binary(Binary::Sub, x, y))
+        let op = match self.unsigned(y) {
+            (y, true) => Op::Binary(Binary::Add, x, y),
+            _ => Op::Binary(Binary::Sub, x, y),
+        };
+        self.push(op)
     }
 
     fn mul(&mut self, x: Id, y: Id) -> Id {
@@ -251,7 +310,8 @@ impl Lanes for Recorder {
     }
 
     fn fma(&mut self, x: Id, y: Id, z: Id) -> Id {
-        self.push(Op::Fma(x, y, z))
+        let [(x, x_negated), (y, y_negated), (z, z_negated)] = [x, y, z].map(|v| self.unsigned(v));
+        self.push(Op::Fma(Signs::new(x_negated != y_negated, z_negated), x, y, z))
     }
 
     fn lt(&mut self, x: Id, y: Id) -> Less {

@@ -45,6 +45,11 @@ fn probes() -> Vec<f32> {
 
 /// Runs `nodes` on tuples of values: operand k of every tuple is node k.
 fn check(tuples: &[[f32; 3]], node: Node) {
+    check_last(tuples, &[node]);
+}
+
+/// The same for the last of several nodes, which follow operands and the constant 1.
+fn check_last(tuples: &[[f32; 3]], under_test: &[Node]) {
     let layout = Layout::new(tuples.len(), 1, 0);
     let one = vec![1.0; layout.stride];
     let operands: Vec<Vec<f32>> = (0..3)
@@ -54,19 +59,16 @@ fn check(tuples: &[[f32; 3]], node: Node) {
             plane
         })
         .collect();
-    let program = Program {
-        nodes: vec![
-            Node::Plane(1, Side::I),
-            Node::Plane(2, Side::J),
-            Node::Plane(3, Side::J),
-            Node::Constant(1.0),
-            node,
-            Node::Div(3, 4),
-            Node::Abs(4),
-            Node::Add(4, 3),
-        ],
-        weights: 4,
-    };
+    let mut nodes = vec![
+        Node::Plane(1, Side::I),
+        Node::Plane(2, Side::J),
+        Node::Plane(3, Side::J),
+        Node::Constant(1.0),
+    ];
+    nodes.extend(under_test);
+    let last = nodes.len() - 1;
+    nodes.extend([Node::Div(3, last), Node::Abs(last), Node::Add(last, 3)]);
+    let program = Program { nodes, weights: 4 };
     // The last four nodes are weights: what is under test, its reciprocal, and
     // two uses that invite a code generator to merge it with what follows.
     let spec = WindowSpec {
@@ -130,6 +132,10 @@ fn exponent_and_mantissa_of_every_binade() {
     let powers: Vec<f32> = (0..=0xff).map(|e| f32::from_bits((e << 23) | 0x12_3456)).collect();
     check(&singles(&powers), Node::Exponent(0));
     check(&singles(&powers), Node::Mantissa(0));
+    let normal = |x: &f32| x.is_normal();
+    let normal: Vec<f32> =
+        probes().into_iter().chain(powers.iter().flat_map(|&x| [x, -x])).filter(normal).collect();
+    check(&singles(&normal), Node::ExponentOfNormal(0));
 }
 
 #[test]
@@ -145,6 +151,27 @@ fn two_operands() {
         Node::Select(0, 1, 3, 0),
     ] {
         check(&tuples, node);
+    }
+}
+
+/// Code generators may let sums do what a negation before them does. Zeros tell whether
+/// they kept the signs apart.
+#[test]
+fn negations_before_sums() {
+    let few: Vec<f32> = probes().into_iter().step_by(5).chain([0.0, -0.0, 1.0]).collect();
+    let mut tuples = Vec::new();
+    for &x in &few {
+        for &y in &few {
+            tuples.extend([x * y, -(x * y), 0.0, -0.0, 1.0].map(|z| [x, y, z]));
+        }
+    }
+    // Nodes 4 to 6: what may be negated.
+    let negated = [Node::Neg(0), Node::Neg(1), Node::Neg(2)];
+    for signs in 0..8 {
+        let [x, y, z] = [0, 1, 2].map(|k| if signs >> k & 1 == 1 { k + 4 } else { k });
+        for sum in [Node::Fma(x, y, z), Node::Add(x, y), Node::Sub(x, y)] {
+            check_last(&tuples, &[&negated[..], &[sum]].concat());
+        }
     }
 }
 
