@@ -171,7 +171,7 @@ fn bred_filters() -> Vec<(String, Tree)> {
 }
 
 /// The filters that have names, and those that ship.
-fn named() -> Vec<(String, Tree)> {
+pub(crate) fn named() -> Vec<(String, Tree)> {
     let known = codebook::known().iter();
     let known = known.map(|known| (known.name.to_owned(), known.weight.clone()));
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/filters");

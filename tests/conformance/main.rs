@@ -9,6 +9,7 @@ mod fixture;
 mod gpu;
 #[path = "../harness/mod.rs"]
 mod harness;
+mod pixels;
 mod rows;
 mod suite;
 
@@ -111,7 +112,7 @@ fn main() -> ExitCode {
     for &(name, check) in rows::CASES.iter().chain(gpu::CASES) {
         trials.push(trial(name.to_owned(), absent, check));
     }
-    for &(name, check) in gpu::LONG.iter().chain(rows::LONG) {
+    for &(name, check) in gpu::LONG.iter().chain(rows::LONG).chain(pixels::LONG) {
         trials.push(trial(name.to_owned(), true, check));
     }
     for &(name, check) in gpu::WITHOUT_A_GPU {
