@@ -12,14 +12,14 @@ use crate::expr::PlaneId;
 use crate::expr::tape::{Axis, Input, Side};
 use crate::plan::{Plan, Run, Tapes};
 use crate::scene::Scene;
-use crate::scene::plane::{Layout, Plane, Samples};
+use crate::scene::plane::{Layout, Lines, Plane, Samples};
 
 /// Rows of a strip: enough work that handing it out costs nothing, few enough
 /// that two cores are still both busy at the end of a small image.
 const STRIP: usize = 4;
 
-/// Strips per thread of a mirrored plan, whose strips should be tall: each also
-/// computes what the rows above it owe to it.
+/// Strips per thread of a mirrored plan, if there are others to balance the work with.
+/// Such strips should be tall: each also computes what the rows above it owe to it.
 const TALL_STRIPS: usize = 2;
 
 /// Channels that weights are multiplied with: R, G, B and the constant one.
@@ -70,7 +70,7 @@ pub(super) struct Frame<'a> {
     /// Sources of the planes that the pair tape reads, by plane.
     planes: Vec<(PlaneId, Cow<'a, [f32]>)>,
     /// The pixel tape's results, each a padded plane.
-    pub(super) per_pixel: Vec<Vec<f32>>,
+    pub(super) per_pixel: Vec<Lines>,
     /// The tap tape's results: those of the first tap, then of the second, …
     per_tap: Vec<f32>,
 }
@@ -316,7 +316,10 @@ impl Rates {
         for &rect in region.iter().filter(|rect| rect.width > 0) {
             let height = match self.mirrored {
                 true => {
-                    let parts = TALL_STRIPS * rayon::current_num_threads();
+                    let parts = match rayon::current_num_threads() {
+                        1 => 1,
+                        threads => TALL_STRIPS * threads,
+                    };
                     rect.height.div_ceil(parts).max(2 * self.reach).max(STRIP)
                 }
                 false => STRIP,
@@ -333,9 +336,9 @@ impl Rates {
     /// Evaluates the pixel tape where the pair tape will read it: at the strips'
     /// pixels; for a mirrored plan on whole padded rows, those that reach the
     /// strips among them, because it reads it at pixel j too.
-    fn per_pixel(&self, frame: &Frame<'_>, strips: &[Rect]) -> Vec<Vec<f32>> {
+    fn per_pixel(&self, frame: &Frame<'_>, strips: &[Rect]) -> Vec<Lines> {
         let (layout, values) = (frame.layout, self.pixel.results());
-        let mut planes = vec![vec![0.0; layout.samples()]; values];
+        let mut planes: Vec<Lines> = (0..values).map(|_| Lines::zeros(layout.samples())).collect();
         if values == 0 {
             return planes;
         }

@@ -124,7 +124,7 @@ impl Summer for Pair {
             .channels
             .into_iter()
             .chain(self.planes.iter().map(|&plane| frame.plane(plane)))
-            .chain(frame.per_pixel.iter().map(Vec::as_slice))
+            .chain(frame.per_pixel.iter().map(|plane| &**plane))
             .collect();
         let layout = tamis_jit::Layout {
             width: frame.layout.width(),

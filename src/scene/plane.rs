@@ -11,6 +11,7 @@
 //! the image does not; planes that are summed hold zero there, so that a tap
 //! outside the image adds nothing.
 
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 /// Samples that a lane group may read past the last padded sample of a row.
@@ -28,8 +29,11 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of a `width` x `height` image for windows of radius `pad`.
+    /// The layout of a `width` x `height` image for windows of radius `pad` at least:
+    /// the padding is rounded up, so that column 0 is at a multiple of 16 samples, where
+    /// rows start.
     pub fn new(width: usize, height: usize, pad: usize) -> Self {
+        let pad = pad.next_multiple_of(ALIGN);
         let stride = (width + 2 * pad + SLACK).next_multiple_of(ALIGN);
         Self { width, height, pad, stride }
     }
@@ -45,7 +49,7 @@ impl Layout {
     }
 
     /// Padding columns on the left, and on the right before the slack: the
-    /// greatest window radius that these planes serve.
+    /// greatest window radius that these planes serve, a multiple of 16.
     pub fn pad(&self) -> usize {
         self.pad
     }
@@ -72,6 +76,45 @@ impl Layout {
     }
 }
 
+/// Samples that begin where a cache line does: as rows are whole lines, and padding too,
+/// vectors of pixels side by side lie in one line each, and are read in two thirds of the
+/// time that they take in two.
+#[derive(Debug)]
+pub struct Lines {
+    data: Vec<f32>,
+    start: usize,
+    length: usize,
+}
+
+impl Lines {
+    /// So many zeros.
+    pub fn zeros(length: usize) -> Self {
+        let data = vec![0.0; length + ALIGN - 1];
+        let start = data.as_ptr().align_offset(ALIGN * size_of::<f32>());
+        Self { data, start, length }
+    }
+}
+
+impl Deref for Lines {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        &self.data[self.start..][..self.length]
+    }
+}
+
+impl DerefMut for Lines {
+    fn deref_mut(&mut self) -> &mut [f32] {
+        &mut self.data[self.start..][..self.length]
+    }
+}
+
+impl PartialEq for Lines {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
 /// What stands in the padding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Edge {
@@ -85,7 +128,7 @@ pub enum Edge {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Samples {
     layout: Layout,
-    data: Arc<[f32]>,
+    data: Arc<Lines>,
 }
 
 impl Samples {
@@ -95,18 +138,20 @@ impl Samples {
     /// If `pixels` does not hold exactly `layout.pixels()` values.
     pub fn new(layout: Layout, pixels: &[f32], edge: Edge) -> Self {
         assert_eq!(pixels.len(), layout.pixels(), "one value per pixel of the layout");
-        let mut data = Vec::with_capacity(layout.samples());
-        for row in pixels.chunks_exact(layout.width.max(1)) {
+        let mut data = Lines::zeros(layout.samples());
+        let rows = data.chunks_exact_mut(layout.stride);
+        for (row, padded) in pixels.chunks_exact(layout.width.max(1)).zip(rows) {
             let (before, after) = match edge {
                 Edge::Replicate => (row[0], row[row.len() - 1]),
                 Edge::Zero => (0.0, 0.0),
             };
-            let end = data.len() + layout.stride;
-            data.resize(data.len() + layout.pad, before);
-            data.extend_from_slice(row);
-            data.resize(end, after);
+            let (left, rest) = padded.split_at_mut(layout.pad);
+            let (middle, right) = rest.split_at_mut(row.len());
+            left.fill(before);
+            middle.copy_from_slice(row);
+            right.fill(after);
         }
-        Self { layout, data: data.into() }
+        Self { layout, data: Arc::new(data) }
     }
 
     /// Where the samples stand.
@@ -192,14 +237,28 @@ mod tests {
     }
 
     #[test]
+    fn pixels_begin_with_a_cache_line() {
+        for (width, pad) in [(1, 0), (17, 1), (40, 16), (336, 17)] {
+            let layout = Layout::new(width, 2, pad);
+            let samples = Samples::new(layout, &vec![0.5; 2 * width], Edge::Replicate);
+            for y in 0..2 {
+                assert_eq!(samples.pixels(y).as_ptr().align_offset(64), 0, "{width}, {pad}");
+            }
+        }
+    }
+
+    #[test]
     fn edges_are_repeated_or_zero_all_the_way_to_the_end_of_the_row() {
         let layout = Layout::new(2, 2, 3);
+        let pad = layout.pad();
         let pixels = [1.0, 2.0, 3.0, 4.0];
         let replicated = Samples::new(layout, &pixels, Edge::Replicate);
-        assert_eq!(&replicated.row(1)[..6], &[3.0, 3.0, 3.0, 3.0, 4.0, 4.0]);
+        assert_eq!(replicated.row(1)[..pad], vec![3.0; pad]);
+        assert_eq!(replicated.row(1)[pad..pad + 3], [3.0, 4.0, 4.0]);
         assert_eq!(replicated.row(1)[layout.stride() - 1], 4.0);
         let zero = Samples::new(layout, &pixels, Edge::Zero);
-        assert_eq!(&zero.row(0)[..6], &[0.0, 0.0, 0.0, 1.0, 2.0, 0.0]);
+        assert_eq!(zero.row(0)[..pad], vec![0.0; pad]);
+        assert_eq!(zero.row(0)[pad..pad + 3], [1.0, 2.0, 0.0]);
         assert_eq!(zero.row(0)[layout.stride() - 1], 0.0);
         assert_eq!(zero.pixels(1), &[3.0, 4.0]);
         assert_eq!(replicated.at(1, 0), 2.0);

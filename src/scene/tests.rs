@@ -186,7 +186,8 @@ fn a_file_gives_what_memory_gives_and_what_else_is_needed_does_not_matter() {
     let all = Scene::load(&sample.path, &Needs::everything(), 5, &options).expect("a sound file");
     assert_eq!(planes(&all), planes(&prepared(made(), &options)));
     assert_eq!(all.layout(), Layout::new(SIZE.0, SIZE.1, 5));
-    assert_eq!(all.ones().row(0)[4..6], [0.0, 1.0]);
+    let pad = all.layout().pad();
+    assert_eq!(all.ones().row(0)[pad - 1..=pad], [0.0, 1.0]);
     for term in Feature::terms() {
         let needs = Needs::terms([term]);
         for color_scale in [ColorScale::Linear, ColorScale::Compressed] {

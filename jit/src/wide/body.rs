@@ -22,10 +22,16 @@ use crate::call::Call;
 use crate::lanes::Side;
 use uses::{Copies, Place, Uses, Value, pressure};
 
+/// A program with the order of its instructions.
+pub(super) struct Block {
+    pub(super) program: Program,
+    pub(super) order: Vec<Id>,
+}
+
 /// A leaf that has a register of its own, in one of the chains.
 #[derive(Clone, Copy)]
 pub(super) struct Pin {
-    leaf: Id,
+    leaf: Leaf,
     chain: usize,
     register: Vector,
 }
@@ -58,6 +64,8 @@ pub(super) struct Emitter<'a> {
     /// Free too, but the instruction at hand may still read them.
     retired_slots: Vec<usize>,
     slots: usize,
+    /// The plane whose address is in the temporary register.
+    fetched: Option<usize>,
 }
 
 impl<'a> Emitter<'a> {
@@ -66,8 +74,7 @@ impl<'a> Emitter<'a> {
         asm: &'a mut Assembler,
         frame: &'a Frame,
         taps: usize,
-        program: &'a Program,
-        order: &'a [Id],
+        Block { program, order }: &'a Block,
         constants: &'a [u32],
     ) -> Self {
         let copies = Copies { chains: frame.chains, taps };
@@ -89,6 +96,7 @@ impl<'a> Emitter<'a> {
             free_slots: Vec::new(),
             retired_slots: Vec::new(),
             slots: 0,
+            fetched: None,
         };
         for &Vector(partial) in &frame.partials {
             emitter.fixed[usize::from(partial)] = true;
@@ -116,8 +124,8 @@ impl<'a> Emitter<'a> {
         leaves.retain(|leaf| uses(leaf) > 0);
         leaves.sort_by_key(|leaf| Reverse(uses(leaf)));
         let free = (0..self.holder.len()).filter(|&r| !self.fixed[r]).take(spare);
-        let pin = |((leaf, chain), register): ((Id, usize), usize)| Pin {
-            leaf,
+        let pin = |((id, chain), register): ((Id, usize), usize)| Pin {
+            leaf: self.leaf(id as usize * self.copies.count()),
             chain,
             register: Vector(register as u8),
         };
@@ -126,19 +134,23 @@ impl<'a> Emitter<'a> {
 
     /// Leaves pinned ones where they are.
     pub(super) fn keep(&mut self, pins: &[Pin]) {
-        for &Pin { leaf, chain, register } in pins {
-            let value = self.copies.value(self.program, leaf, chain);
-            self.fixed[usize::from(register.0)] = true;
-            self.register[value] = Some(register);
+        for (op, id) in self.program.ops.iter().zip(0..) {
+            let Op::Leaf(leaf) = op else { continue };
+            for pin in pins.iter().filter(|pin| pin.leaf == *leaf) {
+                let value = self.copies.value(self.program, id, pin.chain);
+                self.register[value] = Some(pin.register);
+            }
+        }
+        for &Pin { register: Vector(register), .. } in pins {
+            self.fixed[usize::from(register)] = true;
         }
     }
 
     /// Loads the pinned leaves that are the same for all pixels, or those that are not.
     pub(super) fn load_pinned(&mut self, pins: &[Pin], uniform: bool) {
         for &Pin { leaf, chain, register } in pins {
-            let value = self.copies.value(self.program, leaf, chain);
-            if matches!(self.leaf(value), Leaf::Constant(_)) == uniform {
-                let operand = self.in_memory(value);
+            if matches!(leaf, Leaf::Constant(_)) == uniform {
+                let operand = self.leaf_in_memory(leaf, 0, chain);
                 self.asm.load(register, operand);
             }
         }
@@ -214,6 +226,10 @@ impl<'a> Emitter<'a> {
                 self.asm.fused(Fused::Order231, Signs::Plus, partial, factor, channel);
             }
             Op::Owe(index, ..) => self.owe(index, operands[0], operands[1], copy),
+            Op::Carry(index, _) => {
+                let value = self.held(operands[0]);
+                self.asm.store(self.frame.carried(index, copy), value);
+            }
         }
         for operand in operands {
             self.release(operand);

@@ -415,6 +415,11 @@ impl Assembler {
         self.emit(Instruction::with_branch(Code::Jne_rel32_64, start as u64));
     }
 
+    /// Counts a register down; says "zero" at the end.
+    pub(super) fn count_down(&mut self, counter: Register) {
+        self.emit(Instruction::with1(Code::Dec_rm64, counter));
+    }
+
     /// Halves a counter, the rest dropped; says "zero" if nothing is left.
     pub(super) fn halve(&mut self, counter: Register) {
         self.emit(Instruction::with2(Code::Shr_rm64_imm8, counter, 1));

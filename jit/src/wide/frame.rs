@@ -11,7 +11,8 @@
 //! | `rdx`     | cursor of the tap values                                       |
 //! | `rcx`     | taps left                                                      |
 //! | `rbx`     | from a tap to the next                                         |
-//! | `r12`-`r15` | the planes that are read most                                |
+//! | `r12`-`r14` | the planes that are read most                                |
+//! | `r15`     | one more of them, or beside mirrored sums the second neighbour  |
 //! | `rax`, `rbp` | an address for the instruction at hand: of a plane, of a mirrored sum |
 
 use iced_x86::Register;
@@ -26,8 +27,6 @@ pub(super) const PLANES: Register = Register::RSI;
 pub(super) const PIXEL: Register = Register::R8;
 pub(super) const NEIGHBOUR: Register = Register::R9;
 pub(super) const MIRROR: Register = Register::R10;
-/// Of the second of two taps at once, which mirrored kernels do not compute.
-pub(super) const SECOND: Register = Register::R10;
 pub(super) const SCRATCH: Register = Register::R11;
 pub(super) const TAP: Register = Register::RDX;
 pub(super) const TAPS_LEFT: Register = Register::RCX;
@@ -56,6 +55,11 @@ pub(super) struct Frame {
     /// Taps at once, one or two. Two do not wait for one another, and partials in memory
     /// are fetched and stored half as often. An odd tap that is left over comes alone.
     pub(super) taps: usize,
+    /// If the first half of a tap is computed among the second half of the one before
+    /// ([`pipeline`](super::pipeline)): how many values are carried over.
+    pub(super) carried: Option<usize>,
+    /// Cursor of the neighbour of the second of two taps at once, or of the next tap.
+    pub(super) second: Register,
     /// Planes whose addresses stay in registers.
     pub(super) bases: Vec<(usize, Register)>,
     /// Registers of the partial sums, result by result and in each chain by chain;
@@ -76,6 +80,7 @@ impl Frame {
         chains: usize,
         registers: u8,
         program: &Program,
+        carried: Option<usize>,
     ) -> Self {
         let count = spec.results() * chains;
         let first = usize::from(registers).saturating_sub(count);
@@ -85,13 +90,19 @@ impl Frame {
         };
         let stored = partials.is_empty();
         let taps = match chains {
-            _ if spec.mirrored => 1,
+            _ if spec.mirrored || carried.is_some() => 1,
             1 | 2 if stored => 2,
             2 if width == Width::Bits512 => 2,
             _ => 1,
         };
-        let spare = (!spec.mirrored && taps == 1).then_some(MIRROR);
-        Self { spec, width, chains, taps, bases: bases(spec, program, spare), partials }
+        let two = taps == 2 || carried.is_some();
+        let second = if spec.mirrored { Register::R15 } else { MIRROR };
+        let taken = |register| (register == MIRROR && spec.mirrored) || (register == second && two);
+        let registers =
+            [Register::R12, Register::R13, Register::R14, Register::R15, MIRROR].into_iter();
+        let registers = registers.filter(|&register| !taken(register));
+        let bases = bases(spec, program, registers);
+        Self { spec, width, chains, taps, carried, second, bases, partials }
     }
 
     /// In how many copies each instruction is emitted that runs once per tap.
@@ -109,9 +120,19 @@ impl Frame {
         self.vector(index * self.chains + chain)
     }
 
+    /// Where value number `index` lies that is carried over to the next tap.
+    pub(super) fn carried(&self, index: usize, chain: usize) -> Address {
+        self.vector(self.stored_partials() + index * self.chains + chain)
+    }
+
     /// Where spilled value number `slot` lies.
     pub(super) fn slot(&self, slot: usize) -> Address {
-        self.vector(self.stored_partials() + slot)
+        self.vector(self.stored() + slot)
+    }
+
+    /// Vectors in the scratch memory that have their places from the beginning.
+    fn stored(&self) -> usize {
+        self.stored_partials() + self.carried.unwrap_or(0) * self.chains
     }
 
     fn stored_partials(&self) -> usize {
@@ -124,12 +145,16 @@ impl Frame {
 
     /// Bytes of scratch memory that it takes with so many slots.
     pub(super) fn scratch_bytes(&self, slots: usize) -> usize {
-        VECTORS + (self.stored_partials() + slots) * self.width.bytes()
+        VECTORS + (self.stored() + slots) * self.width.bytes()
     }
 }
 
 /// Registers for the planes that are read most often.
-fn bases(spec: WindowSpec, program: &Program, spare: Option<Register>) -> Vec<(usize, Register)> {
+fn bases(
+    spec: WindowSpec,
+    program: &Program,
+    registers: impl Iterator<Item = Register>,
+) -> Vec<(usize, Register)> {
     let mut uses = vec![0usize; spec.planes];
     for (op, _) in program.ops.iter().zip(&program.needed).filter(|(_, needed)| **needed) {
         for operand in op.operands() {
@@ -140,6 +165,5 @@ fn bases(spec: WindowSpec, program: &Program, spare: Option<Register>) -> Vec<(u
     }
     let mut order: Vec<usize> = (0..spec.planes).filter(|&plane| uses[plane] > 0).collect();
     order.sort_by_key(|&plane| std::cmp::Reverse(uses[plane]));
-    let registers = [Register::R12, Register::R13, Register::R14, Register::R15];
-    order.into_iter().zip(registers.into_iter().chain(spare)).collect()
+    order.into_iter().zip(registers).collect()
 }

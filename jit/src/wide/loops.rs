@@ -2,23 +2,25 @@
 
 use std::mem::offset_of;
 
-use super::body::Emitter;
+use super::body::{Block, Emitter};
 use super::encode::{Address, Assembler, Operand, Vector};
 use super::frame::{
     CALL, CHUNKS_LEFT, Frame, MIRROR, NEIGHBOUR, OUT, PIXEL, PLANES, RUN, RUNS_LEFT, SAVED,
-    SCRATCH, SECOND, STEP, SUM, TAP, TAPS_LEFT, TEMPORARY,
+    SCRATCH, STEP, SUM, TAP, TAPS_LEFT, TEMPORARY,
 };
-use super::program::{Binary, Id, Program};
+use super::program::Binary;
 use crate::call::{Call, RunCall};
 
+/// What runs in the loop over taps.
+pub(super) enum Taps {
+    /// A tap, or two at once and an odd one alone.
+    Whole(Block),
+    /// The halves of a [`Pipeline`](super::pipeline::Pipeline).
+    Halves { first: Block, both: Block, last: Block },
+}
+
 /// Emits the whole function; returns how many bytes of scratch memory it takes.
-pub(super) fn emit(
-    asm: &mut Assembler,
-    frame: &Frame,
-    program: &Program,
-    order: &[Id],
-    constants: &[u32],
-) -> usize {
+pub(super) fn emit(asm: &mut Assembler, frame: &Frame, taps: &Taps, constants: &[u32]) -> usize {
     for register in SAVED {
         asm.push(register);
     }
@@ -34,7 +36,8 @@ pub(super) fn emit(
         asm.fetch(TEMPORARY, call(field));
         asm.put(local(place), TEMPORARY);
     }
-    let mut body = Emitter::new(asm, frame, frame.taps, program, order, constants);
+    let (Taps::Whole(inner) | Taps::Halves { both: inner, .. }) = taps;
+    let mut body = Emitter::new(asm, frame, frame.taps, inner, constants);
     let pins = body.choose_pins();
     body.keep(&pins);
     let passing = body.passing();
@@ -63,28 +66,50 @@ pub(super) fn emit(
     asm.fetch(TAPS_LEFT, of_run(offset_of!(RunCall, count)));
     clear_partials(asm, frame, passing);
 
-    // Most runs have an odd number of taps, so that one of them comes alone.
-    let pairs = (frame.taps == 2).then(|| {
-        asm.copy(SECOND, NEIGHBOUR);
-        asm.increase(SECOND, STEP);
-        asm.halve(TAPS_LEFT);
-        asm.skip_if_zero()
-    });
-    let tap = asm.here();
-    let mut slots = body.run();
-    let asm = body.asm();
-    advance(asm, frame, frame.taps);
-    asm.repeat(TAPS_LEFT, tap);
-    if let Some(pairs) = pairs {
-        asm.land(pairs);
-        asm.fetch(TEMPORARY, local(RUN));
-        asm.fetch(TAPS_LEFT, of_run(offset_of!(RunCall, count)));
-        asm.keep_odd(TAPS_LEFT);
-        let even = asm.skip_if_zero();
-        let mut body = Emitter::new(asm, frame, 1, program, order, constants);
+    let mut slots = 0;
+    let mut block = |asm: &mut Assembler, taps: usize, block: &Block| {
+        let mut body = Emitter::new(asm, frame, taps, block, constants);
         body.keep(&pins);
         slots = slots.max(body.run());
-        asm.land(even);
+    };
+    match taps {
+        Taps::Whole(whole) if frame.taps == 2 => {
+            // Most runs have an odd number of taps, so that one of them comes alone.
+            asm.copy(frame.second, NEIGHBOUR);
+            asm.increase(frame.second, STEP);
+            asm.halve(TAPS_LEFT);
+            let pairs = asm.skip_if_zero();
+            let tap = asm.here();
+            block(asm, 2, whole);
+            advance(asm, frame, 2);
+            asm.repeat(TAPS_LEFT, tap);
+            asm.land(pairs);
+            asm.fetch(TEMPORARY, local(RUN));
+            asm.fetch(TAPS_LEFT, of_run(offset_of!(RunCall, count)));
+            asm.keep_odd(TAPS_LEFT);
+            let even = asm.skip_if_zero();
+            block(asm, 1, whole);
+            asm.land(even);
+        }
+        Taps::Whole(whole) => {
+            let tap = asm.here();
+            block(asm, 1, whole);
+            advance(asm, frame, 1);
+            asm.repeat(TAPS_LEFT, tap);
+        }
+        Taps::Halves { first, both, last } => {
+            asm.copy(frame.second, NEIGHBOUR);
+            asm.increase(frame.second, STEP);
+            block(asm, 1, first);
+            asm.count_down(TAPS_LEFT);
+            let only = asm.skip_if_zero();
+            let tap = asm.here();
+            block(asm, 1, both);
+            advance(asm, frame, 1);
+            asm.repeat(TAPS_LEFT, tap);
+            asm.land(only);
+            block(asm, 1, last);
+        }
     }
 
     add_partials(asm, frame, passing);
@@ -105,8 +130,8 @@ pub(super) fn emit(
 fn advance(asm: &mut Assembler, frame: &Frame, taps: usize) {
     for _ in 0..taps {
         asm.increase(NEIGHBOUR, STEP);
-        if taps == 2 {
-            asm.increase(SECOND, STEP);
+        if frame.taps == 2 || frame.carried.is_some() {
+            asm.increase(frame.second, STEP);
         }
         if frame.spec.mirrored {
             asm.increase(MIRROR, STEP);

@@ -19,6 +19,12 @@ pub(super) enum Leaf {
     Constant(u32),
     Plane(usize, Side),
     Tap(usize),
+    /// A plane at the neighbour of the next tap.
+    NextPlane(usize),
+    /// A value of the next tap.
+    NextTap(usize),
+    /// What [`Op::Carry`] of this number left while the tap was the next one.
+    Carried(usize),
 }
 
 /// Instructions of one operand.
@@ -99,6 +105,8 @@ pub(super) enum Op {
     Accumulate(usize, Id, Id),
     /// Mirrored sum number n of the neighbour += channel × weight, rounded once.
     Owe(usize, Id, Id),
+    /// Leaves a value of the next tap for its turn.
+    Carry(usize, Id),
 }
 
 impl Op {
@@ -106,13 +114,27 @@ impl Op {
     pub(super) fn operands(&self) -> impl Iterator<Item = Id> + use<> {
         let (list, count) = match *self {
             Self::Leaf(_) => ([0; 4], 0),
-            Self::Unary(_, x) => ([x, 0, 0, 0], 1),
+            Self::Unary(_, x) | Self::Carry(_, x) => ([x, 0, 0, 0], 1),
             Self::Binary(_, x, y) => ([x, y, 0, 0], 2),
             Self::Fma(_, x, y, z) => ([x, y, z, 0], 3),
             Self::Select(list) => (list, 4),
             Self::Accumulate(_, x, y) | Self::Owe(_, x, y) => ([x, y, 0, 0], 2),
         };
         list.into_iter().take(count)
+    }
+
+    /// The same op of other values.
+    pub(super) fn map(self, mut to: impl FnMut(Id) -> Id) -> Self {
+        match self {
+            Self::Leaf(_) => self,
+            Self::Unary(op, x) => Self::Unary(op, to(x)),
+            Self::Binary(op, x, y) => Self::Binary(op, to(x), to(y)),
+            Self::Fma(signs, x, y, z) => Self::Fma(signs, to(x), to(y), to(z)),
+            Self::Select(list) => Self::Select(list.map(to)),
+            Self::Accumulate(n, x, y) => Self::Accumulate(n, to(x), to(y)),
+            Self::Owe(n, x, y) => Self::Owe(n, to(x), to(y)),
+            Self::Carry(n, x) => Self::Carry(n, to(x)),
+        }
     }
 }
 
@@ -125,10 +147,24 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// The ops that will become instructions, in each chain.
-    pub(super) fn instructions(&self) -> usize {
-        let ops = self.ops.iter().zip(&self.needed);
-        ops.filter(|(op, needed)| **needed && !matches!(op, Op::Leaf(_))).count()
+    /// Of these ops, as far as something comes of them.
+    pub(super) fn new(ops: Vec<Op>) -> Self {
+        let mut needed = vec![false; ops.len()];
+        for (k, op) in ops.iter().enumerate().rev() {
+            needed[k] |= matches!(op, Op::Accumulate(..) | Op::Owe(..) | Op::Carry(..));
+            if needed[k] {
+                for operand in op.operands() {
+                    needed[operand as usize] = true;
+                }
+            }
+        }
+        Self { ops, needed }
+    }
+
+    /// The ops that become instructions, in their order.
+    pub(super) fn instructions(&self) -> impl DoubleEndedIterator<Item = Id> + use<'_> {
+        let needed = (0..self.ops.len()).filter(|&id| self.needed[id]);
+        needed.filter(|&id| !matches!(self.ops[id], Op::Leaf(_))).map(|id| id as Id)
     }
 }
 
@@ -156,16 +192,7 @@ impl Recorder {
         if let Some(fault) = self.fault {
             return Err(fault);
         }
-        let mut needed = vec![false; self.ops.len()];
-        for (k, op) in self.ops.iter().enumerate().rev() {
-            needed[k] |= matches!(op, Op::Accumulate(..) | Op::Owe(..));
-            if needed[k] {
-                for operand in op.operands() {
-                    needed[operand as usize] = true;
-                }
-            }
-        }
-        Ok(Program { ops: self.ops, needed })
+        Ok(Program::new(self.ops))
     }
 
     fn push(&mut self, op: Op) -> Id {

@@ -11,7 +11,7 @@
 
 use std::cmp::Reverse;
 
-use super::program::{Binary, Id, Op, Program, Unary};
+use super::program::{Binary, Id, Leaf, Op, Program, Unary};
 
 /// How many instructions are compared, of those whose operands were all emitted: the
 /// first in the order of the program. With 32, batches of expressions take longer at 256
@@ -25,7 +25,7 @@ const PASSING: usize = 4;
 /// either make, roughly.
 fn latency(op: &Op) -> usize {
     match op {
-        Op::Leaf(_) => 0,
+        Op::Leaf(_) | Op::Carry(..) => 0,
         Op::Unary(Unary::Sqrt, _) => 20,
         Op::Binary(Binary::Div, ..) => 12,
         Op::Unary(Unary::ShiftLeft(_) | Unary::ShiftRight(_), _) => 1,
@@ -40,9 +40,10 @@ fn latency(op: &Op) -> usize {
 pub(super) fn schedule(program: &Program, copies: usize, registers: usize) -> Vec<Id> {
     let mut graph = Graph::new(program);
     let most = registers.saturating_sub(PASSING) / copies;
-    let mut ready: Vec<Id> = graph.instructions().filter(|&id| graph.waits(id) == 0).collect();
+    let mut ready: Vec<Id> = program.instructions().filter(|&id| graph.waits(id) == 0).collect();
     let mut order = Vec::with_capacity(program.ops.len());
     let (mut now, mut alive) = (0, 0);
+    let mut unread = Unread::new(program);
     while !ready.is_empty() {
         let full = alive >= most;
         let rank = |&(_, &id): &(usize, &Id)| {
@@ -50,10 +51,13 @@ pub(super) fn schedule(program: &Program, copies: usize, registers: usize) -> Ve
             let node = &graph.nodes[id as usize];
             (more, node.start.saturating_sub(now), Reverse(node.height))
         };
+        let allowed = |&(_, &id): &(usize, &Id)| unread.allows(program.ops[id as usize]);
         // Of equals it is the first.
-        let next = ready.iter().enumerate().take(WINDOW).min_by_key(rank);
+        let next = ready.iter().enumerate().filter(allowed).take(WINDOW).min_by_key(rank);
+        // Nothing that reads a carried value waits for one to be carried over.
         let (place, &id) = next.expect("there is one at least");
         ready.remove(place);
+        unread.read(program, id);
         alive = alive.saturating_add_signed(graph.growth(id));
         let start = now.max(graph.nodes[id as usize].start);
         now = start + copies;
@@ -64,6 +68,51 @@ pub(super) fn schedule(program: &Program, copies: usize, registers: usize) -> Ve
         order.push(id);
     }
     order
+}
+
+/// How many instructions are still to read each carried value, whose place that of the
+/// next tap takes.
+struct Unread(Vec<usize>);
+
+impl Unread {
+    fn new(program: &Program) -> Self {
+        let mut unread = Self(Vec::new());
+        for id in program.instructions() {
+            for n in carried(program, id) {
+                if unread.0.len() <= n {
+                    unread.0.resize(n + 1, 0);
+                }
+                unread.0[n] += 1;
+            }
+        }
+        unread
+    }
+
+    /// Whether an op may be emitted as far as carried values go.
+    fn allows(&self, op: Op) -> bool {
+        !matches!(op, Op::Carry(n, _) if self.0.get(n).is_some_and(|&unread| unread > 0))
+    }
+
+    /// Notes that an instruction is emitted.
+    fn read(&mut self, program: &Program, id: Id) {
+        for n in carried(program, id) {
+            self.0[n] -= 1;
+        }
+    }
+}
+
+/// The numbers of the carried values that an instruction reads, with repetitions.
+fn carried(program: &Program, id: Id) -> impl Iterator<Item = usize> + use<'_> {
+    let operands = program.ops[id as usize].operands();
+    operands.filter_map(|operand| match program.ops[operand as usize] {
+        Op::Leaf(Leaf::Carried(n)) => Some(n),
+        _ => None,
+    })
+}
+
+/// Cycles from the start of each op to the end of the longest chain that it begins.
+pub(super) fn heights(program: &Program) -> Vec<usize> {
+    Graph::new(program).nodes.iter().map(|node| node.height).collect()
 }
 
 /// What is known of an op while instructions are put in order.
@@ -94,7 +143,7 @@ impl<'a> Graph<'a> {
         let count = program.ops.len();
         let nodes = vec![Node::default(); count];
         let mut graph = Self { program, nodes, readers: Vec::new(), first: vec![0; count + 1] };
-        for id in graph.instructions().rev() {
+        for id in program.instructions().rev() {
             let (operands, number) = graph.operands(id);
             let node = &mut graph.nodes[id as usize];
             node.height += latency(&program.ops[id as usize]);
@@ -114,7 +163,7 @@ impl<'a> Graph<'a> {
         graph.first[count] = end;
         let mut next = graph.first.clone();
         graph.readers = vec![0; end];
-        for id in graph.instructions() {
+        for id in program.instructions() {
             let (operands, number) = graph.operands(id);
             for &operand in &operands[..number] {
                 let place = &mut next[operand as usize];
@@ -128,12 +177,6 @@ impl<'a> Graph<'a> {
     fn is_instruction(&self, id: Id) -> bool {
         let id = id as usize;
         self.program.needed[id] && !matches!(self.program.ops[id], Op::Leaf(_))
-    }
-
-    fn instructions(&self) -> impl DoubleEndedIterator<Item = Id> + use<'a> {
-        let program = self.program;
-        let needed = (0..program.ops.len()).filter(|&id| program.needed[id]);
-        needed.filter(|&id| !matches!(program.ops[id], Op::Leaf(_))).map(|id| id as Id)
     }
 
     /// The instructions among an op's operands, each once, and how many there are.

@@ -99,7 +99,8 @@ fn ten_thousand_nodes() {
     check(&program, &[Run { dx: -1, dy: 0, count: 3, step: 1 }], wanted);
 }
 
-/// Kernels that add up in memory compute two taps at once, and one that is left over.
+/// Kernels that add up in memory compute two taps at once, and one that is left over;
+/// others, of one weight, the second half of each among the first half of the next.
 #[test]
 fn runs_of_every_length() {
     let mut nodes =

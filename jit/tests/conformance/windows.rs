@@ -48,6 +48,18 @@ fn program() -> Program {
     }
 }
 
+/// The same where each instruction waits for the one before, from the first to the last
+/// of so many: what kernels compute in two halves.
+fn long_program(instructions: usize) -> Program {
+    let Program { mut nodes, weights } = program();
+    for n in 0..instructions {
+        let last = nodes.len() - 1;
+        // Of the tap or a pixel, all the way: the halves read those of different taps.
+        nodes.push(Node::Fma(last, [1, 4, 0, 6, 5][n % 5], 7 + n % 2));
+    }
+    Program { nodes, weights }
+}
+
 /// The rows of a window from the top, each from left to right.
 fn grid(radius: [isize; 2], dilation: [isize; 2]) -> Vec<Run> {
     let [rx, ry] = radius;
@@ -121,9 +133,9 @@ fn rectangles_inside_the_image() {
     }
 }
 
-/// The weights of [`program`] with the pixels exchanged come after themselves.
-fn mirrored_program() -> Program {
-    let Program { nodes, weights } = program();
+/// The weights of a program with the pixels exchanged come after themselves.
+fn with_mirrored(program: &Program) -> Program {
+    let Program { nodes, weights } = program.clone();
     let shift = nodes.len();
     let back = nodes.iter().map(|&node| match node {
         Node::Plane(plane, Side::I) => Node::Plane(plane, Side::J),
@@ -148,6 +160,11 @@ fn mirrored_program() -> Program {
 /// what its own runs give, a row adds what the rows above it left for it.
 #[test]
 fn mirrored_halves_make_the_whole() {
+    check_mirrored(&program());
+    check_mirrored(&long_program(40));
+}
+
+fn check_mirrored(program: &Program) {
     const RADIUS: isize = 3;
     let row = |dx, dy, count, step| Run { dx, dy, count, step };
     let half: Vec<Run> = std::iter::once(row(RADIUS, 0, RADIUS as usize, -1))
@@ -175,16 +192,17 @@ fn mirrored_halves_make_the_whole() {
         let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
         let rect = Rect::all(&layout);
         let job = Job { layout, planes: &planes, runs: &whole, taps: &whole_taps, rect };
-        assert_agrees(spec, &program(), &job);
-        let plain = compilers[0].compile(spec, Some(Chains::Four), &program()).expect("compiles");
+        assert_agrees(spec, program, &job);
+        let plain = compilers[0].compile(spec, Some(Chains::Four), program).expect("compiles");
         let mut expected = vec![0.0; plain.output_shape(&job.rect).len()];
         let expected_shape = plain.run(&job, &mut expected, &mut []).expect("fits");
 
         let mirrored = WindowSpec { mirrored: true, ..spec };
         let ways = compilers.iter().flat_map(|c| Chains::ALL.map(|chains| (c, chains)));
         for (compiler, chains) in ways {
-            let kernel =
-                compiler.compile(mirrored, Some(chains), &mirrored_program()).expect("compiles");
+            let kernel = compiler
+                .compile(mirrored, Some(chains), &with_mirrored(program))
+                .expect("compiles");
             let all = kernel.output_shape(&job.rect);
             let mut sums = vec![0.0; all.len()];
             for y in 0..height {

@@ -31,7 +31,7 @@ impl Copies {
         let (tap, chain) = (copy / self.chains, copy % self.chains);
         let own = match program.ops[id as usize] {
             Op::Leaf(Leaf::Constant(_)) => 0,
-            Op::Leaf(Leaf::Tap(_)) => self.copy(tap, 0),
+            Op::Leaf(Leaf::Tap(_) | Leaf::NextTap(_)) => self.copy(tap, 0),
             Op::Leaf(Leaf::Plane(_, Side::I)) => chain,
             _ => copy,
         };

@@ -1,11 +1,13 @@
 //! Where values are: in registers, in slots of the scratch memory, or, if they are
 //! leaves, where they can be read again.
 
+use iced_x86::Register;
+
 use super::Emitter;
 use super::uses::{NEVER, Place, Value};
 use crate::lanes::Side;
 use crate::wide::encode::{Address, Operand, Vector};
-use crate::wide::frame::{NEIGHBOUR, PIXEL, PLANES, SECOND, TAP, TEMPORARY};
+use crate::wide::frame::{NEIGHBOUR, PIXEL, PLANES, TAP, TEMPORARY};
 use crate::wide::program::{Leaf, Op};
 use crate::width::Width;
 
@@ -33,37 +35,53 @@ impl Emitter<'_> {
         }
         let copy = value % self.copies.count();
         let (tap, chain) = (copy / self.copies.chains, copy % self.copies.chains);
-        match self.leaf(value) {
+        self.leaf_in_memory(self.leaf(value), tap, chain)
+    }
+
+    /// Where a leaf can be read, for one of the taps at once. As above, for the next
+    /// instruction.
+    pub(super) fn leaf_in_memory(&mut self, leaf: Leaf, tap: usize, chain: usize) -> Operand {
+        match leaf {
             Leaf::Constant(bits) => {
                 let index = self.constants.binary_search(&bits);
                 self.asm.constant(index.expect("all constants are in the pool"))
             }
-            Leaf::Tap(index) => {
-                let index = tap * self.frame.spec.taps + index;
-                Operand::Broadcast(Address::new(TAP, index * size_of::<f32>()))
+            Leaf::Tap(index) => self.tap(tap, index),
+            Leaf::NextTap(index) => self.tap(1, index),
+            Leaf::Plane(plane, Side::I) => self.plane(plane, PIXEL, chain),
+            Leaf::Plane(plane, Side::J) if tap == 0 => self.plane(plane, NEIGHBOUR, chain),
+            Leaf::Plane(plane, Side::J) | Leaf::NextPlane(plane) => {
+                self.plane(plane, self.frame.second, chain)
             }
-            Leaf::Plane(plane, side) => {
-                let base = self.frame.bases.iter().find(|(index, _)| *index == plane);
-                let base = base.map(|&(_, register)| register).unwrap_or_else(|| {
-                    let entry = Address::new(PLANES, plane * size_of::<*const f32>());
-                    self.asm.fetch(TEMPORARY, entry);
-                    TEMPORARY
-                });
-                let index = match (side, tap) {
-                    (Side::I, _) => PIXEL,
-                    (Side::J, 0) => NEIGHBOUR,
-                    (Side::J, _) => SECOND,
-                };
-                let displacement = (chain * self.frame.width.bytes()) as i64;
-                Operand::Memory(Address::At { base, index, displacement })
-            }
+            Leaf::Carried(index) => Operand::Memory(self.frame.carried(index, chain)),
         }
+    }
+
+    /// A value of a tap, so many taps from the one at hand.
+    fn tap(&self, tap: usize, index: usize) -> Operand {
+        let index = tap * self.frame.spec.taps + index;
+        Operand::Broadcast(Address::new(TAP, index * size_of::<f32>()))
+    }
+
+    /// A plane at a cursor.
+    fn plane(&mut self, plane: usize, index: Register, chain: usize) -> Operand {
+        let base = self.frame.bases.iter().find(|(index, _)| *index == plane);
+        let base = base.map(|&(_, register)| register).unwrap_or_else(|| {
+            let entry = Address::new(PLANES, plane * size_of::<*const f32>());
+            if self.fetched.replace(plane) != Some(plane) {
+                self.asm.fetch(TEMPORARY, entry);
+            }
+            TEMPORARY
+        });
+        let displacement = (chain * self.frame.width.bytes()) as i64;
+        Operand::Memory(Address::At { base, index, displacement })
     }
 
     /// Whether instructions can read it from memory.
     pub(super) fn is_readable(&self, value: Value) -> bool {
         let spread = self.frame.width == Width::Bits512;
-        spread || !(self.is_leaf(value) && matches!(self.leaf(value), Leaf::Tap(_)))
+        let of_tap = || matches!(self.leaf(value), Leaf::Tap(_) | Leaf::NextTap(_));
+        spread || !(self.is_leaf(value) && of_tap())
     }
 
     pub(super) fn hold(&mut self, value: Value, Vector(register): Vector) {
