@@ -210,24 +210,25 @@ impl<const N: usize> Lanes for Assembler<'_, N> {
     }
 
     fn exponent(&mut self, x: Node<N>) -> Node<N> {
-        let bias = self.splat(I32X4, 127);
-        // Shifting the sign out at the top saves the mask.
-        let field = self.each(|b, k| {
-            let bits = cast(b, I32X4, x.0[k]);
-            let bits = b.ins().ishl_imm_u(bits, 1);
-            b.ins().ushr_imm_u(bits, 24)
-        });
+        let root = self.splat(I32X4, 0x3f35_04f4);
         self.each(|b, k| {
-            let unbiased = b.ins().isub(field.0[k], bias);
-            b.ins().fcvt_from_sint(F32X4, unbiased)
+            let bits = cast(b, I32X4, x.0[k]);
+            let above = b.ins().isub(bits, root);
+            let exponent = b.ins().sshr_imm_u(above, 23);
+            b.ins().fcvt_from_sint(F32X4, exponent)
         })
     }
 
-    fn mantissa(&mut self, x: Node<N>) -> Node<N> {
-        let field = self.splat(F32X4, 0x007f_ffff);
-        let one = self.constant(1.0).0[0];
-        let bits = self.each(|b, k| b.ins().band(x.0[k], field));
-        self.each(|b, k| b.ins().bor(bits.0[k], one))
+    fn fraction(&mut self, x: Node<N>) -> Node<N> {
+        let root = self.splat(I32X4, 0x3eb5_04f4);
+        let field = self.splat(I32X4, 0xff80_0000);
+        self.each(|b, k| {
+            let bits = cast(b, I32X4, x.0[k]);
+            let above = b.ins().isub(bits, root);
+            let exponent = b.ins().band(above, field);
+            let bits = b.ins().isub(bits, exponent);
+            cast(b, F32X4, bits)
+        })
     }
 
     fn add(&mut self, x: Node<N>, y: Node<N>) -> Node<N> {

@@ -60,21 +60,20 @@ pub trait Lanes {
     /// the low bits of the sum. The formula is also what any other `x` gets.
     fn exp2i(&mut self, x: Self::F) -> Self::F;
 
-    /// The unbiased exponent field as a number:
-    /// `(((x.to_bits() >> 23) & 0xff) as i32 - 127) as f32`.
+    /// The integer nearest to log2 x, for positive normal `x`:
+    /// `(x.to_bits().wrapping_sub(0x3f35_04f4) as i32 >> 23) as f32`.
     ///
-    /// Zero and subnormals give -127, infinities and NaN give 128.
+    /// The constant has the bits of the least number above √½. The formula is also what
+    /// any other `x` gets.
     fn exponent(&mut self, x: Self::F) -> Self::F;
 
-    /// The same of a normal number, which may take fewer instructions. What zero,
-    /// subnormals, infinities and NaN give is not said.
-    fn exponent_of_normal(&mut self, x: Self::F) -> Self::F {
-        self.exponent(x)
-    }
-
-    /// The mantissa field as a number in `1.0..2.0`:
-    /// `f32::from_bits((x.to_bits() & 0x007f_ffff) | 0x3f80_0000)`.
-    fn mantissa(&mut self, x: Self::F) -> Self::F;
+    /// `x` over two to the power `exponent(x) + 1`, for positive normal `x`: with
+    /// `bits = x.to_bits()`,
+    /// `f32::from_bits(bits.wrapping_sub(bits.wrapping_sub(0x3eb5_04f4) & 0xff80_0000))`.
+    ///
+    /// The constant has the bits of the least number above √⅛. The result is between that
+    /// and √½, for any other `x` too.
+    fn fraction(&mut self, x: Self::F) -> Self::F;
 
     /// `x + y`.
     fn add(&mut self, x: Self::F, y: Self::F) -> Self::F;

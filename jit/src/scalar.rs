@@ -69,11 +69,12 @@ impl Lanes for Scalar<'_> {
     }
 
     fn exponent(&mut self, x: f32) -> f32 {
-        (((x.to_bits() >> 23) & 0xff) as i32 - 127) as f32
+        (x.to_bits().wrapping_sub(0x3f35_04f4) as i32 >> 23) as f32
     }
 
-    fn mantissa(&mut self, x: f32) -> f32 {
-        f32::from_bits((x.to_bits() & 0x007f_ffff) | 0x3f80_0000)
+    fn fraction(&mut self, x: f32) -> f32 {
+        let bits = x.to_bits();
+        f32::from_bits(bits.wrapping_sub(bits.wrapping_sub(0x3eb5_04f4) & 0xff80_0000))
     }
 
     fn add(&mut self, x: f32, y: f32) -> f32 {

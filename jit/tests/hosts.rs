@@ -21,7 +21,7 @@ impl Body for Everything {
         let (x, y) = (lanes.mul(x, y), lanes.div(x, y));
         let (x, y) = (lanes.sqrt(x), lanes.round(y));
         let (x, y) = (lanes.exponent(x), lanes.exp2i(y));
-        let y = lanes.mantissa(y);
+        let y = lanes.fraction(y);
         let one = lanes.constant(1.0);
         vec![lanes.fma(x, y, one); self.0]
     }

@@ -257,7 +257,7 @@ fn apply(step: &Step, inputs: &[Arg<'_>], slots: &[Block], out: &mut [Chunk]) {
         Prim::Round => with!(Round unused 0.0 0.0 0.0; a 0),
         Prim::Exp2i => with!(Exp2i unused 0.0 0.0 0.0; a 0),
         Prim::Exponent => with!(Exponent unused 0.0 0.0 0.0; a 0),
-        Prim::Mantissa => with!(Mantissa unused 0.0 0.0 0.0; a 0),
+        Prim::Fraction => with!(Fraction unused 0.0 0.0 0.0; a 0),
         Prim::Add => with!(Add unused 0.0 0.0; a 0, b 1),
         Prim::Sub => with!(Sub unused 0.0 0.0; a 0, b 1),
         Prim::Mul => with!(Mul unused 0.0 0.0; a 0, b 1),

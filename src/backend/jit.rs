@@ -213,17 +213,14 @@ impl Body for TapeBody<'_> {
                 Instr::Input(input) => self.input(lanes, input),
                 Instr::Prim(prim, args) => {
                     let [a, b, c, d] = args.map(|a| values[a.index()]);
-                    let operand = self.tape.range(args[0]);
-                    let normal = operand.lo >= f32::MIN_POSITIVE && operand.within(f32::MAX);
                     match prim {
                         Prim::Neg => lanes.neg(a),
                         Prim::Abs => lanes.abs(a),
                         Prim::Sqrt => lanes.sqrt(a),
                         Prim::Round => lanes.round(a),
                         Prim::Exp2i => lanes.exp2i(a),
-                        Prim::Exponent if normal => lanes.exponent_of_normal(a),
                         Prim::Exponent => lanes.exponent(a),
-                        Prim::Mantissa => lanes.mantissa(a),
+                        Prim::Fraction => lanes.fraction(a),
                         Prim::Add => lanes.add(a, b),
                         Prim::Sub => lanes.sub(a, b),
                         Prim::Mul => lanes.mul(a, b),

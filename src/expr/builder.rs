@@ -182,14 +182,14 @@ impl Builder {
         self.apply(Prim::Exp2i, &[a])
     }
 
-    /// The unbiased exponent field.
+    /// The integer nearest to log2 a, for a positive normal number.
     pub fn exponent(&mut self, a: Value) -> Value {
         self.apply(Prim::Exponent, &[a])
     }
 
-    /// The significand, in [1, 2).
-    pub fn mantissa(&mut self, a: Value) -> Value {
-        self.apply(Prim::Mantissa, &[a])
+    /// What `a` is two to the power `exponent(a) + 1` times.
+    pub fn fraction(&mut self, a: Value) -> Value {
+        self.apply(Prim::Fraction, &[a])
     }
 
     /// `a + b`, rounded once.

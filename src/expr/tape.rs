@@ -73,11 +73,11 @@ pub enum Prim {
     Round,
     /// 2^a for an integer a in [-127, 127]; 2^-127 is flushed to 0.
     Exp2i,
-    /// The unbiased exponent field: floor(log2 |a|) for normal numbers, -127
-    /// for zeros and subnormals.
+    /// The integer nearest to log2 a, for a positive normal number.
     Exponent,
-    /// The significand of a with exponent and sign dropped: in [1, 2).
-    Mantissa,
+    /// a over two to the power `Exponent(a) + 1`, for a positive normal number; for
+    /// others too a number between √⅛ and √½.
+    Fraction,
     /// `a + b`
     Add,
     /// `a - b`
@@ -100,6 +100,10 @@ pub enum Prim {
 /// low bits of the sum, which is how [`Prim::Exp2i`] builds an exponent.
 pub const EXP2I_MAGIC: f32 = 12_583_039.0;
 
+/// The bits of the least numbers above √½ and √⅛: [`Prim::Exponent`] and [`Prim::Fraction`]
+/// cut binades there, so that the logarithm of what is left is nearest to zero.
+pub const ROOTS: [u32; 2] = [0x3f35_04f4, 0x3eb5_04f4];
+
 impl Prim {
     /// Every primitive.
     pub const ALL: [Self; 15] = [
@@ -109,7 +113,7 @@ impl Prim {
         Self::Round,
         Self::Exp2i,
         Self::Exponent,
-        Self::Mantissa,
+        Self::Fraction,
         Self::Add,
         Self::Sub,
         Self::Mul,
@@ -129,7 +133,7 @@ impl Prim {
             | Self::Round
             | Self::Exp2i
             | Self::Exponent
-            | Self::Mantissa => 1,
+            | Self::Fraction => 1,
             Self::Add | Self::Sub | Self::Mul | Self::Div | Self::Min | Self::Max => 2,
             Self::Fma => 3,
             Self::SelectLt => 4,
@@ -145,8 +149,11 @@ impl Prim {
             Self::Sqrt => a.sqrt(),
             Self::Round => a.round_ties_even(),
             Self::Exp2i => f32::from_bits((a + EXP2I_MAGIC).to_bits() << 23),
-            Self::Exponent => (((a.to_bits() >> 23) & 0xff) as i32 - 127) as f32,
-            Self::Mantissa => f32::from_bits((a.to_bits() & 0x007f_ffff) | 0x3f80_0000),
+            Self::Exponent => (a.to_bits().wrapping_sub(ROOTS[0]) as i32 >> 23) as f32,
+            Self::Fraction => {
+                let bits = a.to_bits();
+                f32::from_bits(bits.wrapping_sub(bits.wrapping_sub(ROOTS[1]) & 0xff80_0000))
+            }
             Self::Add => a + b,
             Self::Sub => a - b,
             Self::Mul => a * b,
@@ -189,11 +196,11 @@ impl Prim {
                 a.increasing(|x| Self::Exp2i.eval([x, 0.0, 0.0, 0.0]))
             }
             Self::Exp2i => Interval::ENTIRE,
-            Self::Exponent if a.lo >= 0.0 => {
+            Self::Exponent if a.lo > 0.0 => {
                 a.increasing(|x| Self::Exponent.eval([x, 0.0, 0.0, 0.0]))
             }
-            Self::Exponent => Interval::new(-127.0, 128.0),
-            Self::Mantissa => Interval::new(1.0, 2.0),
+            Self::Exponent => Interval::new(-256.0, 255.0),
+            Self::Fraction => Interval::new(f32::from_bits(ROOTS[1]), f32::from_bits(ROOTS[0] - 1)),
             Self::Add => a + b,
             Self::Sub => a - b,
             Self::Mul if same => a.square(),
@@ -407,5 +414,29 @@ impl Tape {
         let new = |r: &Value| renamed[r.index()].expect("results are needed");
         kept.results = results.iter().map(new).collect();
         kept
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponent_and_fraction_make_the_number() {
+        let [root, _] = ROOTS;
+        let around_roots = (1..255).flat_map(|e| {
+            let root = (root & 0x007f_ffff) | (e << 23);
+            [root - 1, root]
+        });
+        let normal = f32::MIN_POSITIVE.to_bits()..=f32::MAX.to_bits();
+        for bits in normal.step_by(9973).chain(around_roots) {
+            let x = f32::from_bits(bits);
+            let [e, fraction] = [Prim::Exponent, Prim::Fraction]
+                .map(|prim| f64::from(prim.eval([x, 0.0, 0.0, 0.0])));
+            assert_eq!(e, f64::from(x).log2().round(), "{x:e}");
+            assert_eq!(fraction * (e + 1.0).exp2(), f64::from(x), "{x:e}");
+            let range = Prim::Fraction.range([Interval::point(x); 4], false);
+            assert!(range.contains(fraction as f32), "{x:e}");
+        }
     }
 }

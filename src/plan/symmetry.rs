@@ -42,8 +42,8 @@ fn cost(tape: &Tape) -> usize {
         Instr::Const(_) => 0,
         Instr::Input(_) => 1,
         Instr::Prim(Prim::Div | Prim::Sqrt, _) => 4,
-        Instr::Prim(Prim::Exp2i | Prim::Mantissa, _) => 2,
-        Instr::Prim(Prim::Exponent, _) => 4,
+        Instr::Prim(Prim::Exp2i, _) => 2,
+        Instr::Prim(Prim::Exponent | Prim::Fraction, _) => 3,
         Instr::Prim(..) => 1,
     };
     tape.instrs().iter().map(cost).sum()

@@ -251,9 +251,6 @@ impl Assembler {
                 );
                 self.immediate(code, to, x, 8);
             }
-            Unary::Exponent => {
-                self.emit2(Code::EVEX_Vgetexpps_zmm_k1z_zmmm512b32_sae, to, x);
-            }
             Unary::ShiftLeft(by) => {
                 let code = self
                     .code(Code::VEX_Vpslld_ymm_ymm_imm8, Code::EVEX_Vpslld_zmm_k1z_zmmm512b32_imm8);
@@ -261,7 +258,7 @@ impl Assembler {
             }
             Unary::ShiftRight(by) => {
                 let code = self
-                    .code(Code::VEX_Vpsrld_ymm_ymm_imm8, Code::EVEX_Vpsrld_zmm_k1z_zmmm512b32_imm8);
+                    .code(Code::VEX_Vpsrad_ymm_ymm_imm8, Code::EVEX_Vpsrad_zmm_k1z_zmmm512b32_imm8);
                 self.immediate(code, to, x, by);
             }
         }
@@ -301,9 +298,6 @@ impl Assembler {
             // AVX-512F has these for integers alone.
             Binary::And => {
                 (Code::VEX_Vandps_ymm_ymm_ymmm256, Code::EVEX_Vpandd_zmm_k1z_zmm_zmmm512b32)
-            }
-            Binary::Or => {
-                (Code::VEX_Vorps_ymm_ymm_ymmm256, Code::EVEX_Vpord_zmm_k1z_zmm_zmmm512b32)
             }
             Binary::Xor => {
                 (Code::VEX_Vxorps_ymm_ymm_ymmm256, Code::EVEX_Vpxord_zmm_k1z_zmm_zmmm512b32)

@@ -3,11 +3,10 @@
 //! A body is written down first ([`program`]), cut in two where that pays
 //! ([`pipeline`]), and put in order ([`schedule`]), and then emitted in one pass that
 //! gives out registers as it goes ([`body`]), into the loops that every kernel has
-//! ([`loops`]). There is no intermediate language
-//! below the program and no optimiser: folding and sharing are the business of
-//! whoever writes the [`Body`], and what is left for a compiler to decide in
-//! straight-line code is what lies in which register, and what is read from memory
-//! in place.
+//! ([`loops`]). There is no intermediate language below the program and no optimiser:
+//! folding and sharing are the business of whoever writes the [`Body`], and what is left
+//! for a compiler to decide in straight-line code is what lies in which register, and
+//! what is read from memory in place.
 //!
 //! The instructions mean what [`Lanes`](crate::Lanes) says, to the bit, so that
 //! kernels of all widths give the same results.
@@ -61,7 +60,7 @@ pub(crate) fn compile<B: Body>(
     chains: Option<Chains>,
     body: &B,
 ) -> Result<Code, CompileError> {
-    let mut recorder = Recorder::new(spec, width);
+    let mut recorder = Recorder::new(spec);
     window::emit(&mut recorder, &spec, body)?;
     let program = recorder.finish()?;
     let chains = chains.unwrap_or_else(|| suitable(&spec, width, &program)).count();

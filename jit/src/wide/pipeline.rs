@@ -197,7 +197,6 @@ mod tests {
     use super::super::schedule::{heights, schedule};
     use super::*;
     use crate::lanes::Lanes;
-    use crate::width::Width;
     use crate::window::{Nest, WindowSpec};
 
     /// A chain of so many products by plane 1 at the neighbour.
@@ -210,7 +209,7 @@ mod tests {
             absolute: false,
             mirrored: false,
         };
-        let mut recorder = Recorder::new(spec, Width::Bits512);
+        let mut recorder = Recorder::new(spec);
         let mut value = recorder.plane(1, Side::I);
         for _ in 0..length {
             let factor = recorder.plane(1, Side::J);

@@ -6,7 +6,6 @@ use rustc_hash::FxHashMap;
 
 use crate::error::CompileError;
 use crate::lanes::{Lanes, Side};
-use crate::width::Width;
 use crate::window::{Nest, WindowSpec};
 
 /// The number of an [`Op`], which is also the name of its value.
@@ -32,11 +31,10 @@ pub(super) enum Leaf {
 pub(super) enum Unary {
     Sqrt,
     Round,
-    /// The exponent of a normal number, at 512 bits alone.
-    Exponent,
     /// From a signed integer.
     Convert,
     ShiftLeft(u8),
+    /// Of a signed integer.
     ShiftRight(u8),
 }
 
@@ -50,7 +48,6 @@ pub(super) enum Binary {
     Min,
     Max,
     And,
-    Or,
     Xor,
     /// Of integers.
     IntegerSub,
@@ -60,7 +57,7 @@ impl Binary {
     /// Whether the operands can change places. Minimum and maximum cannot: which
     /// one they return for zeros and NaN depends on the order.
     pub(super) fn commutes(self) -> bool {
-        matches!(self, Self::Add | Self::Mul | Self::And | Self::Or | Self::Xor)
+        matches!(self, Self::Add | Self::Mul | Self::And | Self::Xor)
     }
 }
 
@@ -171,7 +168,6 @@ impl Program {
 /// Writes down what a body asks for.
 pub(super) struct Recorder {
     spec: WindowSpec,
-    width: Width,
     ops: Vec<Op>,
     leaves: FxHashMap<Leaf, Id>,
     fault: Option<CompileError>,
@@ -183,8 +179,8 @@ pub(super) struct Recorder {
 pub(super) struct Less(Id, Id);
 
 impl Recorder {
-    pub(super) fn new(spec: WindowSpec, width: Width) -> Self {
-        Self { spec, width, ops: Vec::new(), leaves: FxHashMap::default(), fault: None }
+    pub(super) fn new(spec: WindowSpec) -> Self {
+        Self { spec, ops: Vec::new(), leaves: FxHashMap::default(), fault: None }
     }
 
     /// What was asked for, or the first thing that the body had no right to.
@@ -282,25 +278,17 @@ impl Lanes for Recorder {
     }
 
     fn exponent(&mut self, x: Id) -> Id {
-        // Shifting the sign out at the top saves a mask.
-        let unsigned = self.push(Op::Unary(Unary::ShiftLeft(1), x));
-        let field = self.push(Op::Unary(Unary::ShiftRight(24), unsigned));
-        let bias = self.bits(127);
-        let unbiased = self.push(Op::Binary(Binary::IntegerSub, field, bias));
-        self.push(Op::Unary(Unary::Convert, unbiased))
+        let root = self.bits(0x3f35_04f4);
+        let above = self.push(Op::Binary(Binary::IntegerSub, x, root));
+        let exponent = self.push(Op::Unary(Unary::ShiftRight(23), above));
+        self.push(Op::Unary(Unary::Convert, exponent))
     }
 
-    fn exponent_of_normal(&mut self, x: Id) -> Id {
-        match self.width {
-            Width::Bits512 => self.push(Op::Unary(Unary::Exponent, x)),
-            _ => self.exponent(x),
-        }
-    }
-
-    fn mantissa(&mut self, x: Id) -> Id {
-        let (mask, one) = (self.bits(0x007f_ffff), self.constant(1.0));
-        let field = self.push(Op::Binary(Binary::And, x, mask));
-        self.push(Op::Binary(Binary::Or, field, one))
+    fn fraction(&mut self, x: Id) -> Id {
+        let (root, field) = (self.bits(0x3eb5_04f4), self.bits(0xff80_0000));
+        let above = self.push(Op::Binary(Binary::IntegerSub, x, root));
+        let exponent = self.push(Op::Binary(Binary::And, above, field));
+        self.push(Op::Binary(Binary::IntegerSub, x, exponent))
     }
 
     fn add(&mut self, x: Id, y: Id) -> Id {

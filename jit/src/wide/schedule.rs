@@ -29,7 +29,7 @@ fn latency(op: &Op) -> usize {
         Op::Unary(Unary::Sqrt, _) => 20,
         Op::Binary(Binary::Div, ..) => 12,
         Op::Unary(Unary::ShiftLeft(_) | Unary::ShiftRight(_), _) => 1,
-        Op::Binary(Binary::And | Binary::Or | Binary::Xor | Binary::IntegerSub, ..) => 1,
+        Op::Binary(Binary::And | Binary::Xor | Binary::IntegerSub, ..) => 1,
         Op::Select(_) => 5,
         _ => 4,
     }

@@ -88,7 +88,7 @@ fn ten_thousand_nodes() {
             6 => Node::Select(a, b, c, d),
             7 => Node::Round(a),
             8 => Node::Abs(a),
-            9 => Node::Mantissa(a),
+            9 => Node::Fraction(a),
             _ => Node::Fma(a, b, c),
         });
     }

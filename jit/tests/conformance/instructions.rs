@@ -109,7 +109,7 @@ fn one_operand() {
         Node::Round(0),
         Node::Exp2i(0),
         Node::Exponent(0),
-        Node::Mantissa(0),
+        Node::Fraction(0),
     ] {
         check(&tuples, node);
     }
@@ -128,14 +128,15 @@ fn exp2i_over_its_whole_domain() {
 }
 
 #[test]
-fn exponent_and_mantissa_of_every_binade() {
-    let powers: Vec<f32> = (0..=0xff).map(|e| f32::from_bits((e << 23) | 0x12_3456)).collect();
-    check(&singles(&powers), Node::Exponent(0));
-    check(&singles(&powers), Node::Mantissa(0));
-    let normal = |x: &f32| x.is_normal();
-    let normal: Vec<f32> =
-        probes().into_iter().chain(powers.iter().flat_map(|&x| [x, -x])).filter(normal).collect();
-    check(&singles(&normal), Node::ExponentOfNormal(0));
+fn exponent_and_fraction_of_every_binade() {
+    // In each, numbers below and above the root that divides one from the next.
+    let fields = [0x12_3456, 0x35_04f3, 0x35_04f4];
+    let numbers: Vec<f32> = (0..=0xff)
+        .flat_map(|e: u32| fields.map(|field| f32::from_bits((e << 23) | field)))
+        .flat_map(|x| [x, -x])
+        .collect();
+    check(&singles(&numbers), Node::Exponent(0));
+    check(&singles(&numbers), Node::Fraction(0));
 }
 
 #[test]

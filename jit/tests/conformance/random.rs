@@ -27,7 +27,7 @@ fn node() -> impl Strategy<Value = Node> {
         n().prop_map(Node::Round),
         n().prop_map(Node::Exp2i),
         n().prop_map(Node::Exponent),
-        n().prop_map(Node::Mantissa),
+        n().prop_map(Node::Fraction),
         (n(), n()).prop_map(|(a, b)| Node::Add(a, b)),
         (n(), n()).prop_map(|(a, b)| Node::Sub(a, b)),
         (n(), n()).prop_map(|(a, b)| Node::Mul(a, b)),

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::{Source, list};
 use crate::export::Subject;
 use crate::export::term::Term;
-use crate::expr::tape::{Axis, EXP2I_MAGIC, Input, Instr, Prim, Side, Value};
+use crate::expr::tape::{Axis, EXP2I_MAGIC, Input, Instr, Prim, ROOTS, Side, Value};
 
 /// Columns that a function's head may take.
 const LINE: usize = 80;
@@ -123,7 +123,7 @@ fn expression(name: &str, prim: Prim, [a, b, c, d]: [&str; 4]) -> String {
         Prim::Round => format!("rintf({a})"),
         Prim::Exp2i => format!("{name}_exp2i({a})"),
         Prim::Exponent => format!("{name}_exponent({a})"),
-        Prim::Mantissa => format!("{name}_mantissa({a})"),
+        Prim::Fraction => format!("{name}_fraction({a})"),
         Prim::Add => format!("{a} + {b}"),
         Prim::Sub => format!("{a} - {b}"),
         Prim::Mul => format!("{a} * {b}"),
@@ -137,7 +137,7 @@ fn expression(name: &str, prim: Prim, [a, b, c, d]: [&str; 4]) -> String {
 
 /// The primitives that look at a number's bits.
 const BIT_TRICKS: &[(Prim, &str)] =
-    &[(Prim::Exp2i, EXP2I), (Prim::Exponent, EXPONENT), (Prim::Mantissa, MANTISSA)];
+    &[(Prim::Exp2i, EXP2I), (Prim::Exponent, EXPONENT), (Prim::Fraction, FRACTION)];
 
 /// [`EXP2I_MAGIC`], as the text says it.
 const EXP2I: &str = "\
@@ -155,26 +155,30 @@ static float NAME_exp2i(float a)
 ";
 const _: () = assert!(EXP2I_MAGIC == 12_583_039.0);
 
+/// [`ROOTS`], as the texts say them.
+const _: () = assert!(ROOTS[0] == 0x3f35_04f4 && ROOTS[1] == 0x3eb5_04f4);
+
 const EXPONENT: &str = "\
-/* floor(log2 |a|) for normal numbers, -127 for zeros and subnormals. */
+/* The integer nearest to log2 a, for a positive normal number.
+   Shifts to the right are expected to keep the sign. */
 static float NAME_exponent(float a)
 {
     uint32_t bits;
     memcpy(&bits, &a, sizeof bits);
-    return (float)((int32_t)((bits >> 23) & 0xffu) - 127);
+    return (float)((int32_t)(bits - 0x3f3504f4u) >> 23);
 }
 ";
 
-const MANTISSA: &str = "\
-/* The significand of a without its sign, in [1, 2). */
-static float NAME_mantissa(float a)
+const FRACTION: &str = "\
+/* a over two to the power NAME_exponent(a) + 1, between the roots of 1/8 and 1/2. */
+static float NAME_fraction(float a)
 {
     uint32_t bits;
-    float significand;
+    float fraction;
     memcpy(&bits, &a, sizeof bits);
-    bits = (bits & 0x007fffffu) | 0x3f800000u;
-    memcpy(&significand, &bits, sizeof significand);
-    return significand;
+    bits -= (bits - 0x3eb504f4u) & 0xff800000u;
+    memcpy(&fraction, &bits, sizeof fraction);
+    return fraction;
 }
 ";
 

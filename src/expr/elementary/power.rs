@@ -5,20 +5,21 @@
 //! seven bits. The logarithm and the product are therefore carried in two parts.
 //!
 //! Measured for a base that is not negative, over results of all magnitudes (the
-//! time on four lanes with four chains interleaved; that in `f32` was a logarithm with a
-//! division, as the one in two parts has it):
+//! time on four lanes with four chains interleaved, when both took two primitives more
+//! to split the base; that in `f32` was a logarithm with a division, as the one in two parts
+//! has it):
 //!
 //! | logarithm and product | primitives | time | worst | mean |
 //! |---|---|---|---|---|
-//! | in `f32` | 30 | 1.0 | 300 ulp | 12 ulp |
-//! | in two parts | 48 | 1.4-1.5 | 3 ulp | 0.3 ulp |
+//! | in `f32` | 28 | 1.0 | 300 ulp | 12 ulp |
+//! | in two parts | 46 | 1.4-1.5 | 3 ulp | 0.3 ulp |
 //!
 //! The second is [`POW`], the first, without the division, [`SHORT_POW`]. The second
-//! has a further use: with a constant base
-//! the builder folds the whole logarithm into two constants, so that 2^y or
-//! 0.3^y cost what an exponential costs, and are as accurate.
+//! has a further use: with a constant base the builder folds the whole logarithm into
+//! two constants, so that 2^y or 0.3^y cost what an exponential costs, and are as
+//! accurate.
 
-use std::f32::consts::{LN_2, LOG2_E, SQRT_2};
+use std::f32::consts::{LN_2, LOG2_E};
 
 use super::exp::short_exp2;
 use super::{enclosure, horner};
@@ -45,10 +46,11 @@ pub const SQRT: Unary = Unary {
 /// has the logarithm -2^66: 0^y is 0 for y > 2e-18, [`LIMIT`] for y < -1e-18, and
 /// joins these two without a jump at y = 0.
 ///
-/// 56 primitives; 48 for a base that is not negative, 44 if it is also not 0 and
-/// |y| <= 1024; 20 for a constant base, 13 for base 2; 47 to 49 for a constant
-/// exponent, and 1 to 4 for the exponents -2, -1, -1/2, 0, 1/2, 1, 2, 3 and 4. The
-/// absolute part of the budget is what x^(1/2) makes of subnormals.
+/// 54 primitives; 46 for a base that is not negative, 42 if it is also not 0 and
+/// |y| <= 1024; 20 for a constant base, 13 for base 2; 43 to 47 for a constant
+/// exponent, 41 if it is 127/126 at least and the base between 0 and 10, and 1 to 4 for the
+/// exponents -2, -1, -1/2, 0, 1/2, 1, 2, 3 and 4. The absolute part of the budget is what
+/// x^(1/2) makes of subnormals.
 pub const POW: Binary = Binary {
     meaning,
     build: pow,
@@ -58,7 +60,7 @@ pub const POW: Binary = Binary {
     short: Some(&SHORT_POW),
 };
 
-/// The same with the logarithm and the product in one part each: 36 primitives; the
+/// The same with the logarithm and the product in one part each: 34 primitives; the
 /// logarithm is a polynomial of degree 8 without a division. The budget is what is left of
 /// results below 1e-19, where the absolute part allows as much; elsewhere 225 ulp.
 pub const SHORT_POW: Binary = Binary {
@@ -78,6 +80,10 @@ const FAST: Fast = Fast { within: 16.0, budget: Budget { ulp: 500.0, ..BUDGET } 
 /// near enough that its product with any other stays finite, and a power of two,
 /// so that the product is exact.
 const LOG2_ZERO: f32 = -73_786_976_294_838_206_464.0;
+
+/// The least normal number has the logarithm -126. Exponents from here on, 127/126 and a
+/// little more, flush powers of it to 0, so that 0 needs no logarithm of its own.
+const VANISHING: f32 = 1.008;
 
 /// log2 of [`LIMIT`], below which no power is clamped.
 const LOG2_LIMIT: f32 = 59.794_705;
@@ -176,7 +182,7 @@ fn pow(b: &mut Builder, x: Value, y: Value) -> Value {
     // The guards and signs vanish where x is known to be positive.
     let log = match b.exponent_of(x) {
         Some(exponent) => logarithm_of_power(b, exponent),
-        None => logarithm(b, x),
+        None => logarithm(b, x, vanishes(b, y)),
     };
     let power = exp2_of_product(b, y, log);
     signed(b, x, y, power)
@@ -188,7 +194,7 @@ fn short_pow(b: &mut Builder, x: Value, y: Value) -> Value {
     }
     let log = match b.exponent_of(x) {
         Some([exponent, _]) => short_logarithm_of_power(b, exponent),
-        None => short_logarithm(b, x),
+        None => short_logarithm(b, x, vanishes(b, y)),
     };
     let exponent = b.mul(y, log);
     let clamped = b.clamp(exponent, EXPONENT_MIN, EXPONENT_MAX);
@@ -198,6 +204,11 @@ fn short_pow(b: &mut Builder, x: Value, y: Value) -> Value {
     let zero = b.constant(0.0);
     b.set_exponent(power, clamped, zero);
     signed(b, x, y, power)
+}
+
+/// Whether the power of 0 is 0 without [`LOG2_ZERO`].
+fn vanishes(b: &Builder, y: Value) -> bool {
+    b.rules().ranges && b.range(y).lo >= VANISHING
 }
 
 /// The power of |x| with the sign of that of x.
@@ -278,15 +289,28 @@ struct Parts {
     low_max: f32,
 }
 
-/// log2 |x|, that of 0 included.
-fn logarithm(b: &mut Builder, x: Value) -> Parts {
+/// log2 |x|. Of 0 it is [`LOG2_ZERO`], unless powers of 0 vanish anyway ([`VANISHING`]).
+fn logarithm(b: &mut Builder, x: Value, vanishes: bool) -> Parts {
     let magnitude = b.abs(x);
-    let smallest = b.constant(f32::MIN_POSITIVE);
-    let normal = b.max(magnitude, smallest);
+    let normal = at_least_normal(b, magnitude);
     let log = log2(b, normal);
-    let log2_zero = b.constant(LOG2_ZERO);
-    let high = b.select_lt(magnitude, smallest, log2_zero, log.high);
+    if vanishes {
+        return log;
+    }
+    let high = unless_zero(b, magnitude, log.high);
     Parts { high, ..log }
+}
+
+fn at_least_normal(b: &mut Builder, magnitude: Value) -> Value {
+    let smallest = b.constant(f32::MIN_POSITIVE);
+    b.max(magnitude, smallest)
+}
+
+/// The logarithm, or that of 0 if |x| is no normal number.
+fn unless_zero(b: &mut Builder, magnitude: Value, log: Value) -> Value {
+    let smallest = b.constant(f32::MIN_POSITIVE);
+    let log2_zero = b.constant(LOG2_ZERO);
+    b.select_lt(magnitude, smallest, log2_zero, log)
 }
 
 /// The same of a value that is itself a power, from the exponent it was made with:
@@ -302,29 +326,28 @@ fn logarithm_of_power(b: &mut Builder, [high, low]: [Value; 2]) -> Parts {
     Parts { high, low, low_max: RESIDUE_MAX }
 }
 
-/// e and f with x = 2^e (1 + f), 1 + f in [sqrt(1/2), sqrt(2)).
-fn split(b: &mut Builder, x: Value) -> [Value; 2] {
-    let sqrt_2 = b.constant(SQRT_2);
-    let shifted = b.mul(x, sqrt_2);
-    let e = b.exponent(shifted);
-    let minus_e = b.neg(e);
-    let scale = b.exp2i(minus_e);
-    let m = b.mul(x, scale);
-    let one = b.constant(1.0);
-    [e, b.sub(m, one)]
+/// e, h and f with x = 2^e (1 + f) for positive normal x, 1 + f in [sqrt(1/2), sqrt(2)),
+/// and h = f / 2. Both differences are exact.
+fn split(b: &mut Builder, x: Value) -> [Value; 3] {
+    let e = b.exponent(x);
+    let fraction = b.fraction(x);
+    let half = b.constant(0.5);
+    let h = b.sub(fraction, half);
+    [e, h, b.add(h, h)]
 }
 
-/// log2 |x|, that of 0 included, in one part.
-fn short_logarithm(b: &mut Builder, x: Value) -> Value {
+/// The same in one part.
+fn short_logarithm(b: &mut Builder, x: Value, vanishes: bool) -> Value {
     let magnitude = b.abs(x);
-    let smallest = b.constant(f32::MIN_POSITIVE);
-    let normal = b.max(magnitude, smallest);
-    let [e, f] = split(b, normal);
+    let normal = at_least_normal(b, magnitude);
+    let [e, _, f] = split(b, normal);
     let series = horner(b, f, &SHORT_LOG2);
     let log = b.fma(f, series, e);
     b.stands_for(log, Native::Log2, normal);
-    let log2_zero = b.constant(LOG2_ZERO);
-    b.select_lt(magnitude, smallest, log2_zero, log)
+    if vanishes {
+        return log;
+    }
+    unless_zero(b, magnitude, log)
 }
 
 /// The same of a value that is itself a power, from the exponent it was made with.
@@ -338,17 +361,16 @@ fn short_logarithm_of_power(b: &mut Builder, exponent: Value) -> Value {
 /// log2 of a positive normal number, to 2^-28 of itself.
 fn log2(b: &mut Builder, x: Value) -> Parts {
     let one = b.constant(1.0);
-    let [e, f] = split(b, x);
+    let [e, h, f] = split(b, x);
 
     // s = f / (1 + f/2) rounded. The subtraction f - s is exact, so
     // rest = f - s (1 + f/2) is what s leaves over, however the divisor was rounded.
-    let minus_half = b.constant(-0.5);
-    let h = b.mul(f, minus_half);
-    let divisor = b.sub(one, h);
+    let divisor = b.add(one, h);
     let s = b.div(f, divisor);
     b.pin(s);
     let difference = b.sub(f, s);
-    let rest = b.fma(s, h, difference);
+    let minus_h = b.neg(h);
+    let rest = b.fma(s, minus_h, difference);
     b.pin(rest);
 
     // log2 m = -minus_main + tail, where minus_main is -LOG2_E s rounded.
@@ -394,6 +416,7 @@ fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     let high = b.clamp(high, EXPONENT_MIN, EXPONENT_MAX);
     let n = b.round(high);
     let g = b.sub(high, n);
+    b.assume(g, Interval::new(-0.5, 0.5));
     let g = b.add(g, low);
     let one = b.constant(1.0);
     let slope = horner(b, g, &EXP2);

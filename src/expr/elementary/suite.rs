@@ -252,7 +252,7 @@ fn apply(prim: Prim, rows: &[Row], args: [Value; 4], out: &mut Row) {
             }
         };
     }
-    loops!(Neg Abs Sqrt Round Exp2i Exponent Mantissa Add Sub Mul Div Min Max Fma SelectLt);
+    loops!(Neg Abs Sqrt Round Exp2i Exponent Fraction Add Sub Mul Div Min Max Fma SelectLt);
 }
 
 /// Where functions break: zeros, subnormals, breakpoints and the domain's ends,
