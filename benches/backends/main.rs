@@ -100,7 +100,8 @@ struct Rivalry {
 
 fn median(mut samples: Vec<f64>) -> f64 {
     samples.sort_by(f64::total_cmp);
-    samples[samples.len() / 2]
+    let [low, high] = [(samples.len() - 1) / 2, samples.len() / 2].map(|k| samples[k]);
+    low + (high - low) / 2.0
 }
 
 /// What a function gives, and the milliseconds that it takes.
@@ -114,7 +115,8 @@ fn run(code: &dyn Executable, scene: &Scene, rect: Rect) -> Filtered {
     code.run(scene, &[rect]).expect("the plan was made for this scene").swap_remove(0)
 }
 
-/// The greatest difference from the exact filter in the middle row.
+/// The greatest difference from the exact filter in the middle row; no number if nothing
+/// is promised of any of its pixels.
 fn error(scene: &Scene, weight: &Tree, code: &dyn Executable) -> f64 {
     let window = Window::dense(RADIUS);
     let stage = Stage { weight: weight.clone(), window, source: Source::Color };
@@ -123,7 +125,7 @@ fn error(scene: &Scene, weight: &Tree, code: &dyn Executable) -> f64 {
     let got = run(code, scene, rect);
     let exact = oracle::filter(scene, &stage, rect);
     let promised = got.pixels.iter().zip(&exact).filter(|(_, exact)| exact.is_promised());
-    promised.map(|(&got, exact)| exact.difference(got)).fold(0.0, f64::max)
+    promised.map(|(&got, exact)| exact.difference(got)).fold(f64::NAN, f64::max)
 }
 
 /// What `export` makes of a weight: one tape, for any scene.
@@ -211,14 +213,15 @@ impl Setting {
             let (compiled, (_, variant)) =
                 nest_times.min_by(|(a, _), (b, _)| a.total_cmp(b)).expect("a compiler");
             let compile = || timed(|| drop(source.compile(variant))).1;
+            let [fresh, compiled_fresh] = self.fresh(weight, variant);
             Rivalry {
                 alike: alike_time,
                 compiled,
                 variant: variant.name(),
                 plan_ms,
                 compiled_ms: median((0..3).map(|_| compile()).collect()),
-                fresh: self.fresh(weight),
-                compiled_fresh: self.compiled_fresh(weight, variant),
+                fresh,
+                compiled_fresh,
             }
         });
         let error = error(scene, weight, &*codes[1]);
@@ -227,9 +230,11 @@ impl Setting {
     }
 
     /// Milliseconds to judge a weight on the training set, planning and compiling
-    /// included.
-    fn fresh(&self, weight: &Tree) -> f64 {
-        let judge = || {
+    /// included: as machine code, and as exported C. Medians of three, in turn.
+    fn fresh(&self, weight: &Tree, variant: &Variant) -> [f64; 2] {
+        let taps = exported_plan(weight, BREEDING_RADIUS).taps().runs().to_vec();
+        let supplies: Vec<Supply<'_>> = self.training.iter().map(Supply::new).collect();
+        let as_machine_code = || {
             let window = Window::dense(BREEDING_RADIUS);
             let passes = Passes { converged: false, ..Passes::ALL };
             let plan = Plan::new(std::slice::from_ref(weight), window, &self.joint, passes);
@@ -239,21 +244,16 @@ impl Setting {
                 black_box(run(&*code, scene, Rect::whole(scene)));
             }
         };
-        median((0..3).map(|_| timed(judge).1).collect())
-    }
-
-    /// The same with exported C.
-    fn compiled_fresh(&self, weight: &Tree, variant: &Variant) -> f64 {
-        let plan = exported_plan(weight, BREEDING_RADIUS);
-        let supplies: Vec<Supply<'_>> = self.training.iter().map(Supply::new).collect();
-        let judge = || {
+        let as_c = || {
             let source = compiled::Source::new(weight, BREEDING_RADIUS);
             let nest = source.compile(variant);
             for (scene, supply) in self.training.iter().zip(&supplies) {
-                black_box(nest.sums(supply, plan.taps().runs(), Rect::whole(scene)));
+                black_box(nest.sums(supply, &taps, Rect::whole(scene)));
             }
         };
-        median((0..3).map(|_| timed(judge).1).collect())
+        let rounds: Vec<[f64; 2]> =
+            (0..3).map(|_| [timed(as_machine_code).1, timed(as_c).1]).collect();
+        [0, 1].map(|k| median(rounds.iter().map(|times| times[k]).collect()))
     }
 
     /// Milliseconds per expression to judge some on the training set as searches do it,
@@ -275,20 +275,25 @@ impl Setting {
         median((0..3).map(|_| judge()).collect())
     }
 
-    fn backends(&self, rows: &[Row]) -> Table {
+    fn backends(&self, rows: &[Row], bred: &[Row]) -> Table {
         let columns = ["filter".to_owned(), "interp".to_owned()]
             .into_iter()
             .chain(self.jits.iter().map(|jit| jit.width().bits().to_string()))
             .chain(["widest / interp", "compile, ms", "widest, ms", "error"].map(str::to_owned));
         let right = |(k, name)| (name, if k == 0 { Align::Left } else { Align::Right });
         let mut table = Table::new(columns.enumerate().map(right));
-        for row in rows {
-            let [narrow, wide] = row.compile_ms;
+        let figures = |row: &Row| {
             let times = [row.interp].into_iter().chain(row.jit.iter().copied());
-            let mut cells = vec![row.name.clone()];
-            cells.extend(times.chain([row.widest() / row.interp, narrow, wide]).map(two_digits));
-            cells.push(number::difference(row.error));
-            table.row(cells);
+            let [narrow, wide] = row.compile_ms;
+            times.chain([row.widest() / row.interp, narrow, wide, row.error]).collect()
+        };
+        for (name, mut figures) in with_medians(rows, bred, figures) {
+            let error = match figures.pop().expect("it is the last") {
+                x if x.is_nan() => "-".to_owned(),
+                x => number::difference(x),
+            };
+            let figures = figures.into_iter().map(two_digits);
+            table.row([name].into_iter().chain(figures).chain([error]));
         }
         table
     }
@@ -298,35 +303,24 @@ impl Row {
     fn widest(&self) -> f64 {
         self.jit[self.jit.len() - 1]
     }
-
-    /// The medians of rows.
-    fn median(rows: &[Self]) -> Self {
-        let of = |column: &dyn Fn(&Self) -> f64| median(rows.iter().map(column).collect());
-        let rivalry = |column: fn(&Rivalry) -> f64| {
-            let all = rows.iter().filter_map(|row| row.rivalry.as_ref());
-            median(all.map(column).collect())
-        };
-        Self {
-            name: "bred, median".to_owned(),
-            nodes: of(&|row| row.nodes),
-            interp: of(&|row| row.interp),
-            jit: (0..rows[0].jit.len()).map(|k| of(&|row| row.jit[k])).collect(),
-            compile_ms: [0, 1].map(|k| of(&|row| row.compile_ms[k])),
-            error: of(&|row| row.error),
-            rivalry: rows[0].rivalry.is_some().then(|| Rivalry {
-                alike: rivalry(|r| r.alike),
-                compiled: rivalry(|r| r.compiled),
-                variant: String::new(),
-                plan_ms: rivalry(|r| r.plan_ms),
-                compiled_ms: rivalry(|r| r.compiled_ms),
-                fresh: rivalry(|r| r.fresh),
-                compiled_fresh: rivalry(|r| r.compiled_fresh),
-            }),
-        }
-    }
 }
 
-fn compilers(rows: &[Row]) -> Table {
+/// Lines of figures: those of all rows, and the median of every figure over bred ones,
+/// ratios included.
+fn with_medians(
+    rows: &[Row],
+    bred: &[Row],
+    figures: impl Fn(&Row) -> Vec<f64>,
+) -> Vec<(String, Vec<f64>)> {
+    let of_bred: Vec<Vec<f64>> = bred.iter().map(&figures).collect();
+    let medians = (0..of_bred[0].len())
+        .map(|k| median(of_bred.iter().map(|figures| figures[k]).collect()))
+        .collect();
+    let lines = rows.iter().chain(bred).map(|row| (row.name.clone(), figures(row)));
+    lines.chain([("bred, median".to_owned(), medians)]).collect()
+}
+
+fn compilers(rows: &[Row], bred: &[Row]) -> Table {
     let left = ["filter"].map(|name| (name, Align::Left));
     let right = [
         "nodes",
@@ -345,20 +339,37 @@ fn compilers(rows: &[Row]) -> Table {
     .map(|name| (name, Align::Right));
     let fastest = [("fastest C", Align::Left)];
     let mut table = Table::new(left.into_iter().chain(right).chain(fastest));
-    for row in rows {
-        let Some(rivalry) = &row.rivalry else { continue };
-        let figures = [row.widest(), rivalry.alike, rivalry.compiled]
-            .into_iter()
-            .chain([row.widest(), rivalry.alike].map(|time| time / rivalry.compiled))
-            .chain([rivalry.plan_ms, row.compile_ms[1]])
-            .map(two_digits);
-        let slow = [rivalry.compiled_ms, rivalry.fresh, rivalry.compiled_fresh];
-        let mut cells = vec![row.name.clone(), row.nodes.to_string()];
-        cells.extend(figures);
-        cells.extend(slow.map(number::milliseconds));
-        cells.push(two_digits(rivalry.compiled_fresh / rivalry.fresh));
-        cells.push(rivalry.variant.clone());
-        table.row(cells);
+    fn rivalry(row: &Row) -> &Rivalry {
+        row.rivalry.as_ref().expect("compilers were given")
+    }
+    let figures = |row: &Row| {
+        let rivalry = rivalry(row);
+        let (jit, alike, compiled) = (row.widest(), rivalry.alike, rivalry.compiled);
+        vec![
+            row.nodes,
+            jit,
+            alike,
+            compiled,
+            jit / compiled,
+            alike / compiled,
+            rivalry.plan_ms,
+            row.compile_ms[1],
+            rivalry.compiled_ms,
+            rivalry.fresh,
+            rivalry.compiled_fresh,
+            rivalry.compiled_fresh / rivalry.fresh,
+        ]
+    };
+    let variants = rows.iter().chain(bred).map(|row| rivalry(row).variant.clone());
+    let lines = with_medians(rows, bred, figures).into_iter();
+    for ((name, figures), variant) in lines.zip(variants.chain([String::new()])) {
+        let cell = |(k, x): (usize, f64)| match k {
+            0 => x.to_string(),
+            8..=10 => number::milliseconds(x),
+            _ => two_digits(x),
+        };
+        let cells = figures.into_iter().enumerate().map(cell);
+        table.row([name].into_iter().chain(cells).chain([variant]));
     }
     table
 }
@@ -385,16 +396,15 @@ fn main() {
     named.push(("tamis-2", &shipped));
     let few = if once { 1 } else { usize::MAX };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
-    let (rows, together) = pool.install(|| {
+    let (rows, measured, together) = pool.install(|| {
         let named = named.iter().take(few).map(|(name, tree)| setting.measure(name, tree));
-        let mut rows: Vec<Row> = named.collect();
+        let rows: Vec<Row> = named.collect();
         let measured: Vec<Row> = bred
             .iter()
             .zip(1..)
             .take(few)
             .map(|(tree, k)| setting.measure(&format!("bred {k}"), tree))
             .collect();
-        let median = Row::median(&measured);
         let rivals: Option<Vec<[f64; 2]>> = measured
             .iter()
             .map(|row| row.rivalry.as_ref().map(|r| [r.fresh, r.compiled_fresh]))
@@ -403,17 +413,15 @@ fn main() {
             let mean = |k: usize| rivals.iter().map(|r| r[k]).sum::<f64>() / rivals.len() as f64;
             [setting.together(&bred), mean(0), mean(1)]
         });
-        rows.extend(measured);
-        rows.push(median);
-        (rows, together)
+        (rows, measured, together)
     });
     println!(
         "courtyard, radius {RADIUS}, one thread, ns per pixel pair, medians of {}\n\n{}",
         number::plural(rounds, "interleaved round"),
-        setting.backends(&rows).render(Format::Markdown)
+        setting.backends(&rows, &measured).render(Format::Markdown)
     );
     if let Some([together, alone, compiled]) = together {
-        println!("{}", compilers(&rows).render(Format::Markdown));
+        println!("{}", compilers(&rows, &measured).render(Format::Markdown));
         println!(
             "The bred ones on the training set, milliseconds per expression: {} in one program, {} \
              one by one, {} with C: {} and {} times as long.",
