@@ -9,7 +9,7 @@
 //!
 //! The first two take `--expressions`, `--generations` that breed them, and `--share`, the part of the
 //! training pixels to judge on; `racing` takes `--share`, `--radius`, `--rungs`, `--bar` and `--deviations`
-//! as `tamis evolve` does, `generation` those but the first two, and `--count`.
+//! as `tamis evolve` does, `generation` those but the first two, and `--count`; both take `--precision`.
 //!
 //! On two cores of a Zen 4 virtual machine (512-bit vectors), 128 expressions, 32 of each island of a
 //! population bred for sixty generations with the paper's settings, all training pixels, radius 10, medians
@@ -17,16 +17,17 @@
 //!
 //! | way | individuals/s | pairs/s | ratio |
 //! |---|---:|---:|---:|
-//! | interp, one by one | 0.4 | 6.3e7 | 0.18 |
-//! | jit, one by one | 2.1 | 3.6e8 | 1.00 |
-//! | + support | 2.3 | 3.9e8 | 1.09 |
-//! | + symmetry | 2.5 | 4.4e8 | 1.22 |
-//! | jit, 32 together | 8.2 | 1.4e9 | 3.93 |
-//! | + support, symmetry | 8.2 | 1.4e9 | 3.93 |
-//! | + racing | 28.2 | 1.2e9 | 13.59 |
+//! | interp, one by one | 0.3 | 5.8e7 | 0.13 |
+//! | jit, one by one | 2.5 | 4.3e8 | 1.00 |
+//! | + support | 2.5 | 4.2e8 | 0.98 |
+//! | + symmetry | 2.9 | 4.9e8 | 1.13 |
+//! | jit, 32 together | 8.2 | 1.4e9 | 3.26 |
+//! | + support, symmetry | 7.8 | 1.3e9 | 3.07 |
+//! | + racing | 28.9 | 1.2e9 | 11.45 |
+//! | + fast precision | 39.9 | 1.7e9 | 15.79 |
 //!
-//! The longer a population is bred, the longer its expressions and the more they have in common: after twenty
-//! generations (`--generations 20`) 3.9 individuals/s one by one, 10.0 together, a ratio of 2.61; with races 26.5.
+//! The longer a population is bred, the longer its expressions and the more they have in common: in an earlier
+//! measurement together against one by one was 2.61 after twenty generations (`--generations 20`), 3.93 after sixty.
 //! Programs of many weights are not mirrored (`plan::symmetry` says why), and few of these expressions end within
 //! the window. Those who race are held to the best tenth of all 128.
 //!
@@ -43,7 +44,7 @@ use tamis::evolve::{
     Settings, TrainingScene,
 };
 use tamis::expr::Tree;
-use tamis::plan::{Passes, Window};
+use tamis::plan::{Passes, Precision, Window};
 use tamis::scene::{Image, LoadOptions, Needs, Scene};
 
 const SCENES: [&str; 6] = ["foundry", "meadow", "old_town", "print_shop", "still_life", "study"];
@@ -96,6 +97,7 @@ fn ways() -> Vec<Way> {
     let converged = false;
     let symmetric = Passes { converged, ..Passes::ALL };
     let supported = Passes { symmetry: false, ..symmetric };
+    let fast = Passes { precision: Precision::Fast, ..symmetric };
     let plain = Passes { support: false, ..supported };
     vec![
         Way {
@@ -110,6 +112,7 @@ fn ways() -> Vec<Way> {
         Way::jit(format!("jit, {TOGETHER} together"), plain, TOGETHER),
         Way::jit("+ support, symmetry", symmetric, TOGETHER),
         Way { racing: true, ..Way::jit("+ racing", symmetric, TOGETHER) },
+        Way { racing: true, ..Way::jit("+ fast precision", fast, TOGETHER) },
     ]
 }
 
@@ -133,6 +136,7 @@ fn training(radius: u32) -> Vec<TrainingScene> {
 fn fitness<'a>(way: &'a Way, radius: u32, coverage: Coverage) -> ImageFitness<'a> {
     ImageFitness::new(training(radius), Window::dense(radius), coverage, &*way.backend)
         .with_passes(way.passes)
+        .breeding_at(way.passes.precision)
         .together(way.together)
 }
 
@@ -232,7 +236,8 @@ fn together(trees: &[Tree], extent: &Extent) {
 
 /// A whole search, which the listener hears of with the time; how long it took.
 fn breed(settings: &Settings, listener: &mut dyn FnMut(f64, Event<'_>)) -> (Outcome, f64) {
-    let way = Way::jit("", Passes::ALL, settings.together);
+    let passes = Passes { precision: settings.precision, ..Passes::ALL };
+    let way = Way::jit("", passes, settings.together);
     let fitness = fitness(&way, settings.radius, Coverage::of(settings))
         .racing(&settings.racing, settings.seed);
     let mut search = Search::new(settings.clone(), &fitness).expect("settings that make sense");
@@ -268,6 +273,7 @@ fn racing(options: &Options, extent: &Extent) {
         generations: 12.min(extent.generations),
         radius: options.number("--radius", 3.0) as u32,
         share: options.number("--share", if extent.rounds > 1 { 1.0 } else { extent.share }),
+        precision: options.precision(Preset::Paper.settings().precision),
         ..Preset::Paper.settings()
     };
     let racing = raced(options, &small.racing);
@@ -325,6 +331,7 @@ fn generation(options: &Options, extent: &Extent) {
         },
     };
     settings.racing = raced(options, &settings.racing);
+    settings.precision = options.precision(settings.precision);
     let mut ends: Vec<f64> = Vec::new();
     let mut done = 0;
     println!("{:>10} {:>10} {:>12} {:>12}", "generation", "seconds", "pairs", "of all");
@@ -364,6 +371,11 @@ impl Options {
 
     fn number(&self, name: &str, otherwise: f64) -> f64 {
         self.text(name).map_or(otherwise, |text| text.parse().expect("a number"))
+    }
+
+    fn precision(&self, otherwise: Precision) -> Precision {
+        let named = |name| Precision::named(name).expect("`standard` or `fast`");
+        self.text("--precision").map_or(otherwise, named)
     }
 
     fn list(&self, name: &str) -> Option<Vec<f64>> {

@@ -9,8 +9,7 @@ use libloading::Library;
 use tamis::backend::{Rect, TRUSTED_SHARE, TRUSTED_SUM};
 use tamis::export::{self, Language};
 use tamis::expr::{PlaneId, Tree};
-use tamis::plan::Precision;
-use tamis::plan::{Filter, Run};
+use tamis::plan::{Filter, Precision, Run};
 use tamis::scene::Scene;
 use tamis::scene::plane::Plane;
 use tempfile::TempDir;
@@ -90,10 +89,10 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    pub(crate) fn new(weight: &Tree, radius: u32) -> Self {
+    pub(crate) fn new(weight: &Tree, radius: u32, precision: Precision) -> Self {
         // The name that the nest knows.
         let named = Filter::single("bench", weight.clone(), radius);
-        let kernel = export::export(&named, Language::C, Precision::Standard).expect("one stage");
+        let kernel = export::export(&named, Language::C, precision).expect("one stage");
         let text = String::from_utf8(kernel).expect("C is text");
         // A call, which compilers make of long functions, cannot be vectorised.
         let text = ["float", "struct bench_features"].iter().fold(text, |text, kind| {

@@ -13,7 +13,8 @@
 //! anything. All widths give the same bits, so one error stands for all. Compile
 //! times are of the narrowest and the widest code, planning not included.
 //!
-//! With `--cc` a second table compares with compilers. `jit` is machine code as it is
+//! With `--cc` a second table compares with compilers at standard precision, and a third at
+//! fast precision, with which searches breed. `jit` is machine code as it is
 //! used; `alike` is machine code of the very tape that is exported, which knows nothing
 //! of the scene, computes everything per pair, and each pair for one of its ends. Their
 //! rivals get that tape as C, in a loop nest that is the same as ours (`nest.c`), and
@@ -36,7 +37,7 @@ use clap::Parser;
 use tamis::backend::{Backend, Executable, Filtered, Interpreter, Jit, Rect, Width, oracle};
 use tamis::evolve::{Coverage, Fitness, ImageFitness, TrainingScene};
 use tamis::expr::{Tree, codebook};
-use tamis::plan::{Filter, Passes, Plan, Source, Stage, Window};
+use tamis::plan::{Filter, Passes, Plan, Precision, Source, Stage, Window};
 use tamis::report::{Align, Format, Table, number};
 use tamis::scene::{Facts, Image, LoadOptions, Needs, Scene, SceneFiles, discover};
 
@@ -83,16 +84,19 @@ struct Row {
     jit: Vec<f64>,
     compile_ms: [f64; 2],
     error: f64,
-    rivalry: Option<Rivalry>,
+    /// Against compilers, if any were given: one for each of [`Precision::ALL`].
+    rivalries: Vec<Rivalry>,
 }
 
-/// Machine code against compilers.
+/// Machine code against compilers, at one precision.
 struct Rivalry {
+    jit: f64,
     alike: f64,
     compiled: f64,
     /// Which variant was fastest.
     variant: String,
     plan_ms: f64,
+    jit_ms: f64,
     compiled_ms: f64,
     fresh: f64,
     compiled_fresh: f64,
@@ -129,8 +133,8 @@ fn error(scene: &Scene, weight: &Tree, code: &dyn Executable) -> f64 {
 }
 
 /// What `export` makes of a weight: one tape, for any scene.
-fn exported_plan(weight: &Tree, radius: u32) -> Plan {
-    let passes = Passes { rate: false, symmetry: false, ..Passes::ALL };
+fn exported_plan(weight: &Tree, radius: u32, precision: Precision) -> Plan {
+    let passes = Passes { rate: false, symmetry: false, precision, ..Passes::ALL };
     Plan::new(std::slice::from_ref(weight), Window::dense(radius), &Facts::of_any_scene(), passes)
         .expect("any scene has what the grammar knows")
 }
@@ -157,86 +161,118 @@ impl Setting {
         self.jits.last().expect("128 bits are always to be had")
     }
 
+    /// The plan for the scene that is filtered.
+    fn plan(&self, weight: &Tree, precision: Precision) -> Plan {
+        let passes = Passes { precision, ..Passes::ALL };
+        Plan::new(std::slice::from_ref(weight), Window::dense(RADIUS), &self.facts, passes)
+            .expect("the scene has every feature")
+    }
+
+    /// The median over the rounds of the milliseconds that something takes.
+    fn median_ms<T>(&self, run: impl Fn() -> T) -> f64 {
+        median((0..self.arguments.rounds).map(|_| timed(&run).1).collect())
+    }
+
+    /// Where the scene is filtered.
+    fn rect(&self) -> Rect {
+        Rect { x: 0, y: 60, width: self.scene.layout().width(), height: 64 }
+    }
+
+    /// From milliseconds to nanoseconds per pixel pair of it.
+    fn per_pair(&self) -> f64 {
+        1e6 / (self.rect().pixels() * Window::dense(RADIUS).taps()) as f64
+    }
+
     fn measure(&self, name: &str, weight: &Tree) -> Row {
         eprintln!("{name}");
         let (scene, jits) = (&self.scene, &self.jits);
-        let window = Window::dense(RADIUS);
-        let plan = |facts| {
-            Plan::new(std::slice::from_ref(weight), window, facts, Passes::ALL)
-                .expect("the scene has every feature")
-        };
-        let own = plan(&self.facts);
-        let compile = |jit: &Jit| timed(|| jit.compile(&own).expect("a plan of moderate size"));
-        let rounds = 0..self.arguments.rounds;
-        let compile_ms = [&jits[0], self.widest()]
-            .map(|jit| median(rounds.clone().map(|_| compile(jit).1).collect()));
+        let own = self.plan(weight, Precision::Standard);
+        let compile = |jit: &Jit| jit.compile(&own).expect("a plan of moderate size");
+        let compile_ms = [&jits[0], self.widest()].map(|jit| self.median_ms(|| compile(jit)));
         let mut codes = vec![Interpreter.compile(&own).expect("always possible")];
-        codes.extend(jits.iter().map(|jit| compile(jit).0));
-        let plan_ms = median(rounds.clone().map(|_| timed(|| plan(&self.facts)).1).collect());
-
-        let alike = exported_plan(weight, RADIUS);
-        let source = compiled::Source::new(weight, RADIUS);
-        let variants = || self.arguments.cc.iter().flat_map(|compiler| Variant::of(compiler));
-        let nests: Vec<(Nest<'_>, Variant)> =
-            variants().map(|variant| (source.compile(&variant), variant)).collect();
-        if !nests.is_empty() {
-            codes.push(self.widest().compile(&alike).expect("a plan of moderate size"));
-        }
-        let rect = Rect { x: 0, y: 60, width: scene.layout().width(), height: 64 };
-        let per_pair = 1e6 / (rect.pixels() * window.taps()) as f64;
-        let supply = Supply::new(scene);
+        codes.extend(jits.iter().map(compile));
         let mut times = vec![Vec::new(); codes.len()];
-        let mut nest_times = vec![Vec::new(); nests.len()];
-        for _ in rounds {
+        for _ in 0..self.arguments.rounds {
             for (code, times) in codes.iter().zip(&mut times) {
-                times.push(timed(|| run(&**code, scene, rect)).1 * per_pair);
-            }
-            for ((nest, _), times) in nests.iter().zip(&mut nest_times) {
-                let (sums, time) = timed(|| nest.sums(&supply, alike.taps().runs(), rect));
-                times.push(time * per_pair);
-                drop(sums);
+                times.push(timed(|| run(&**code, scene, self.rect())).1 * self.per_pair());
             }
         }
         let mut times = times.into_iter().map(median);
         let interp = times.next().expect("the interpreter's");
-        let jit = times.by_ref().take(jits.len()).collect();
-        let rivalry = times.next().map(|alike_time| {
-            let expected = run(&**codes.last().expect("it was measured"), scene, rect).pixels;
-            for (nest, variant) in &nests {
-                let sums = nest.sums(&supply, alike.taps().runs(), rect);
-                for (color, expected) in nest.colors(&sums, rect).into_iter().zip(&expected) {
-                    let same = color.is_none_or(|color| color == *expected);
-                    assert!(same, "{} computes something else: {weight}", variant.name());
-                }
+        let rivalries = match self.arguments.cc.is_empty() {
+            true => Vec::new(),
+            false => Precision::ALL.map(|precision| self.rivalry(weight, precision)).into(),
+        };
+        Row {
+            name: name.to_owned(),
+            nodes: weight.len() as f64,
+            interp,
+            jit: times.collect(),
+            compile_ms,
+            error: error(scene, weight, &*codes[1]),
+            rivalries,
+        }
+    }
+
+    /// Compares with the compilers that were given.
+    fn rivalry(&self, weight: &Tree, precision: Precision) -> Rivalry {
+        let (scene, rect) = (&self.scene, self.rect());
+        let own = self.plan(weight, precision);
+        let alike = exported_plan(weight, RADIUS, precision);
+        let compile = |plan: &Plan| self.widest().compile(plan).expect("a plan of moderate size");
+        let codes = [&own, &alike].map(compile);
+        let source = compiled::Source::new(weight, RADIUS, precision);
+        let variants = self.arguments.cc.iter().flat_map(|compiler| Variant::of(compiler));
+        let nests: Vec<(Nest<'_>, Variant)> =
+            variants.map(|variant| (source.compile(&variant), variant)).collect();
+        let supply = Supply::new(scene);
+        let mut times = [const { Vec::new() }; 2];
+        let mut nest_times = vec![Vec::new(); nests.len()];
+        for _ in 0..self.arguments.rounds {
+            for (code, times) in codes.iter().zip(&mut times) {
+                times.push(timed(|| run(&**code, scene, rect)).1 * self.per_pair());
             }
-            let nest_times = nest_times.into_iter().map(median).zip(&nests);
-            let (compiled, (_, variant)) =
-                nest_times.min_by(|(a, _), (b, _)| a.total_cmp(b)).expect("a compiler");
-            let compile = || timed(|| drop(source.compile(variant))).1;
-            let [fresh, compiled_fresh] = self.fresh(weight, variant);
-            Rivalry {
-                alike: alike_time,
-                compiled,
-                variant: variant.name(),
-                plan_ms,
-                compiled_ms: median((0..3).map(|_| compile()).collect()),
-                fresh,
-                compiled_fresh,
+            for ((nest, _), times) in nests.iter().zip(&mut nest_times) {
+                let (sums, time) = timed(|| nest.sums(&supply, alike.taps().runs(), rect));
+                times.push(time * self.per_pair());
+                drop(sums);
             }
-        });
-        let error = error(scene, weight, &*codes[1]);
-        let nodes = weight.len() as f64;
-        Row { name: name.to_owned(), nodes, interp, jit, compile_ms, error, rivalry }
+        }
+        let expected = run(&*codes[1], scene, rect).pixels;
+        for (nest, variant) in &nests {
+            let sums = nest.sums(&supply, alike.taps().runs(), rect);
+            for (color, expected) in nest.colors(&sums, rect).into_iter().zip(&expected) {
+                let same = color.is_none_or(|color| color == *expected);
+                assert!(same, "{} computes something else: {weight}", variant.name());
+            }
+        }
+        let nest_times = nest_times.into_iter().map(median).zip(&nests);
+        let (compiled, (_, variant)) =
+            nest_times.min_by(|(a, _), (b, _)| a.total_cmp(b)).expect("a compiler");
+        let [fresh, compiled_fresh] = self.fresh(weight, variant, precision);
+        let compiled_ms = || timed(|| drop(source.compile(variant))).1;
+        let [jit, alike] = times.map(median);
+        Rivalry {
+            jit,
+            alike,
+            compiled,
+            variant: variant.name(),
+            plan_ms: self.median_ms(|| self.plan(weight, precision)),
+            jit_ms: self.median_ms(|| compile(&own)),
+            compiled_ms: median((0..3).map(|_| compiled_ms()).collect()),
+            fresh,
+            compiled_fresh,
+        }
     }
 
     /// Milliseconds to judge a weight on the training set, planning and compiling
     /// included: as machine code, and as exported C. Medians of three, in turn.
-    fn fresh(&self, weight: &Tree, variant: &Variant) -> [f64; 2] {
-        let taps = exported_plan(weight, BREEDING_RADIUS).taps().runs().to_vec();
+    fn fresh(&self, weight: &Tree, variant: &Variant, precision: Precision) -> [f64; 2] {
+        let taps = exported_plan(weight, BREEDING_RADIUS, precision).taps().runs().to_vec();
         let supplies: Vec<Supply<'_>> = self.training.iter().map(Supply::new).collect();
         let as_machine_code = || {
             let window = Window::dense(BREEDING_RADIUS);
-            let passes = Passes { converged: false, ..Passes::ALL };
+            let passes = Passes { converged: false, precision, ..Passes::ALL };
             let plan = Plan::new(std::slice::from_ref(weight), window, &self.joint, passes);
             let plan = plan.expect("the training scenes have every feature");
             let code = self.widest().compile(&plan).expect("a plan of moderate size");
@@ -245,7 +281,7 @@ impl Setting {
             }
         };
         let as_c = || {
-            let source = compiled::Source::new(weight, BREEDING_RADIUS);
+            let source = compiled::Source::new(weight, BREEDING_RADIUS, precision);
             let nest = source.compile(variant);
             for (scene, supply) in self.training.iter().zip(&supplies) {
                 black_box(nest.sums(supply, &taps, Rect::whole(scene)));
@@ -258,7 +294,7 @@ impl Setting {
 
     /// Milliseconds per expression to judge some on the training set as searches do it,
     /// planning, compiling and the comparison with the references included.
-    fn together(&self, trees: &[Tree]) -> f64 {
+    fn together(&self, trees: &[Tree], precision: Precision) -> f64 {
         let pad = BREEDING_RADIUS as usize;
         let found = discover(&[Path::new(DATA).join("train")]).expect("the training scenes");
         let load = |files: &SceneFiles| {
@@ -270,7 +306,8 @@ impl Setting {
         };
         let training = found.iter().map(load).collect();
         let window = Window::dense(BREEDING_RADIUS);
-        let fitness = ImageFitness::new(training, window, Coverage::Full, self.widest());
+        let fitness = ImageFitness::new(training, window, Coverage::Full, self.widest())
+            .breeding_at(precision);
         let judge = || timed(|| fitness.evaluate(trees)).1 / trees.len() as f64;
         median((0..3).map(|_| judge()).collect())
     }
@@ -320,7 +357,8 @@ fn with_medians(
     lines.chain([("bred, median".to_owned(), medians)]).collect()
 }
 
-fn compilers(rows: &[Row], bred: &[Row]) -> Table {
+/// The comparison with compilers at the precision of this number.
+fn compilers(rows: &[Row], bred: &[Row], precision: usize) -> Table {
     let left = ["filter"].map(|name| (name, Align::Left));
     let right = [
         "nodes",
@@ -339,12 +377,9 @@ fn compilers(rows: &[Row], bred: &[Row]) -> Table {
     .map(|name| (name, Align::Right));
     let fastest = [("fastest C", Align::Left)];
     let mut table = Table::new(left.into_iter().chain(right).chain(fastest));
-    fn rivalry(row: &Row) -> &Rivalry {
-        row.rivalry.as_ref().expect("compilers were given")
-    }
     let figures = |row: &Row| {
-        let rivalry = rivalry(row);
-        let (jit, alike, compiled) = (row.widest(), rivalry.alike, rivalry.compiled);
+        let rivalry = &row.rivalries[precision];
+        let Rivalry { jit, alike, compiled, .. } = *rivalry;
         vec![
             row.nodes,
             jit,
@@ -353,14 +388,14 @@ fn compilers(rows: &[Row], bred: &[Row]) -> Table {
             jit / compiled,
             alike / compiled,
             rivalry.plan_ms,
-            row.compile_ms[1],
+            rivalry.jit_ms,
             rivalry.compiled_ms,
             rivalry.fresh,
             rivalry.compiled_fresh,
             rivalry.compiled_fresh / rivalry.fresh,
         ]
     };
-    let variants = rows.iter().chain(bred).map(|row| rivalry(row).variant.clone());
+    let variants = rows.iter().chain(bred).map(|row| row.rivalries[precision].variant.clone());
     let lines = with_medians(rows, bred, figures).into_iter();
     for ((name, figures), variant) in lines.zip(variants.chain([String::new()])) {
         let cell = |(k, x): (usize, f64)| match k {
@@ -405,14 +440,10 @@ fn main() {
             .take(few)
             .map(|(tree, k)| setting.measure(&format!("bred {k}"), tree))
             .collect();
-        let rivals: Option<Vec<[f64; 2]>> = measured
-            .iter()
-            .map(|row| row.rivalry.as_ref().map(|r| [r.fresh, r.compiled_fresh]))
-            .collect();
-        let together = rivals.map(|rivals| {
-            let mean = |k: usize| rivals.iter().map(|r| r[k]).sum::<f64>() / rivals.len() as f64;
-            [setting.together(&bred), mean(0), mean(1)]
-        });
+        let together: Vec<f64> = match setting.arguments.cc.is_empty() {
+            true => Vec::new(),
+            false => Precision::ALL.map(|precision| setting.together(&bred, precision)).into(),
+        };
         (rows, measured, together)
     });
     println!(
@@ -420,11 +451,19 @@ fn main() {
         number::plural(rounds, "interleaved round"),
         setting.backends(&rows, &measured).render(Format::Markdown)
     );
-    if let Some([together, alone, compiled]) = together {
-        println!("{}", compilers(&rows, &measured).render(Format::Markdown));
+    for (k, (precision, together)) in Precision::ALL.iter().zip(together).enumerate() {
+        let mean = |of: fn(&Rivalry) -> f64| {
+            measured.iter().map(|row| of(&row.rivalries[k])).sum::<f64>() / measured.len() as f64
+        };
+        let (alone, compiled) = (mean(|r| r.fresh), mean(|r| r.compiled_fresh));
+        println!(
+            "At {} precision:\n\n{}",
+            precision.name(),
+            compilers(&rows, &measured, k).render(Format::Markdown)
+        );
         println!(
             "The bred ones on the training set, milliseconds per expression: {} in one program, {} \
-             one by one, {} with C: {} and {} times as long.",
+             one by one, {} with C: {} and {} times as long.\n",
             number::milliseconds(together),
             number::milliseconds(alone),
             number::milliseconds(compiled),

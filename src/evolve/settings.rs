@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use super::images;
 use crate::expr::Tree;
+use crate::plan::Precision;
 use crate::scene::metric::Measure;
 
 /// The parameters of a search. Together with the fitness they determine its
@@ -53,6 +54,10 @@ pub struct Settings {
     pub forbidden: Vec<String>,
     /// What is minimised (Section 4.3: RelMSE), as a sum over the scenes.
     pub error: Measure,
+    /// How accurately expressions are computed while they are bred. Finalists are judged
+    /// at standard precision. Searches begun before there was a choice are at that.
+    #[serde(default)]
+    pub precision: Precision,
     /// The window's radius that expressions are judged with.
     pub radius: u32,
     /// Share of the training pixels that breeding looks at, in tiles spread
@@ -155,6 +160,7 @@ impl Preset {
             initial_mutations: 1,
             forbidden: Vec::new(),
             error: Measure::RelMse,
+            precision: Precision::Fast,
             radius: 10,
             share: 1.0,
             finalists: 16,
@@ -179,7 +185,9 @@ impl Preset {
                 initial_mutations: 3,
                 share: 0.03,
                 finalists: 8,
-                // So few pixels leave no room: races saved 13% of the pairs there, and
+                // On so few pixels running is not what takes the time.
+                precision: Precision::Standard,
+                // So few leave no room either: races saved 13% of the pairs there, and
                 // each survivor is compiled once more for every rung.
                 racing: Racing { on: false, ..paper.racing.clone() },
                 ..paper
@@ -305,6 +313,15 @@ mod tests {
             let written = toml::to_string(&settings).unwrap();
             assert_eq!(toml::from_str::<Settings>(&written).unwrap(), settings);
         }
+    }
+
+    #[test]
+    fn searches_of_before_there_was_a_choice_breed_at_standard_precision() {
+        let written = toml::to_string(&Preset::Paper.settings()).unwrap();
+        let before = written.replace("precision = \"fast\"\n", "");
+        assert_ne!(before, written);
+        let read = toml::from_str::<Settings>(&before).unwrap();
+        assert_eq!(read, Settings { precision: Precision::Standard, ..Preset::Paper.settings() });
     }
 
     #[test]

@@ -437,7 +437,7 @@ impl Builder {
     pub fn product(&mut self, a: Value, b: Value) -> Value {
         if self.rules.contract {
             if a == b
-                && let Instr::Prim(Prim::Sqrt, [s, ..]) = self.tape.instr(a)
+                && let Some(s) = self.square_of(a)
             {
                 return s;
             }
@@ -470,6 +470,14 @@ impl Builder {
             return self.product(a, reciprocal);
         }
         self.div(a, b)
+    }
+
+    /// What a value is the square root of, if it was made as one.
+    pub fn square_of(&self, value: Value) -> Option<Value> {
+        match self.tape.instr(value) {
+            Instr::Prim(Prim::Sqrt, [square, ..]) => Some(square),
+            Instr::Const(_) | Instr::Input(_) | Instr::Prim(..) => None,
+        }
     }
 
     fn is(&self, value: Value, x: f32) -> bool {

@@ -1,7 +1,10 @@
 //! How accurate code is: a choice that commands offer.
 
+use serde::{Deserialize, Serialize};
+
 /// How accurate code is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Precision {
     /// Every row of the operator table within its budget.
     #[default]

@@ -53,6 +53,13 @@ pub(crate) struct Code {
 /// 256 bits, four against two: 0.77, 0.72 to 0.82 and 0.96.
 const LONG: usize = 64;
 
+/// So do those with a chain of instructions that takes more cycles than this, however few
+/// they are: a power and an exponential take 170.
+///
+/// Measured at 512 and at 256 bits: 0.78 to 0.84 of the time for bred expressions of 56 to
+/// 58 instructions, but 1.00 to 1.06 for the cross-bilateral filter, whose chain takes 90.
+const SLOW: usize = 128;
+
 /// Compiles one kernel of 256 or 512 bits.
 pub(crate) fn compile<B: Body>(
     spec: WindowSpec,
@@ -63,11 +70,12 @@ pub(crate) fn compile<B: Body>(
     let mut recorder = Recorder::new(spec);
     window::emit(&mut recorder, &spec, body)?;
     let program = recorder.finish()?;
-    let chains = chains.unwrap_or_else(|| suitable(&spec, width, &program)).count();
+    let heights = schedule::heights(&program);
+    let chains = chains.unwrap_or_else(|| suitable(&spec, width, &program, &heights)).count();
     let constants = constants(&program);
     let mut asm = Assembler::new(width, &constants);
     let entry = asm.here();
-    let pipeline = pipelined(&spec, width, chains, &program);
+    let pipeline = pipelined(&spec, width, chains, &program, &heights);
     let carried = pipeline.as_ref().map(|pipeline| pipeline.carried);
     let frame = Frame::new(spec, width, chains, asm.registers(), &program, carried);
     let registers = usize::from(asm.registers()) - frame.partials.len();
@@ -94,14 +102,15 @@ fn few_or_many(width: Width) -> (Chains, Chains) {
 }
 
 /// How many chains suit a program.
-fn suitable(spec: &WindowSpec, width: Width, program: &Program) -> Chains {
+fn suitable(spec: &WindowSpec, width: Width, program: &Program, heights: &[usize]) -> Chains {
     let (few, many) = few_or_many(width);
     let registers = Assembler::registers_of(width);
     let stored = !frame::carries(spec.results() * few.count(), registers);
     // Two taps at once do as well as twice the chains; and sixteen registers are too few
     // for several weights in four copies each.
     let enough = stored && (!spec.mirrored || width == Width::Bits256);
-    if program.instructions().count() > LONG && !enough { many } else { few }
+    let long = program.instructions().count() > LONG || longest(heights) > SLOW;
+    if long && !enough { many } else { few }
 }
 
 /// The program in two halves, if that pays: where it has many chains already, and they
@@ -116,17 +125,21 @@ fn pipelined(
     width: Width,
     chains: usize,
     program: &Program,
+    heights: &[usize],
 ) -> Option<Pipeline> {
     let (_, many) = few_or_many(width);
     let stored = !frame::carries(spec.results() * chains, Assembler::registers_of(width));
     if chains < many.count() || stored || (spec.mirrored && width != Width::Bits512) {
         return None;
     }
-    let heights = schedule::heights(program);
-    let longest = heights.iter().copied().max().unwrap_or(0);
     // In cycles, both: four to the instruction, one to be issued.
-    let pays = 4 * program.instructions().count() <= 5 * longest;
-    pays.then(|| Pipeline::new(program, &heights))
+    let pays = 4 * program.instructions().count() <= 5 * longest(heights);
+    pays.then(|| Pipeline::new(program, heights))
+}
+
+/// The cycles of the longest chain of instructions.
+fn longest(heights: &[usize]) -> usize {
+    heights.iter().copied().max().unwrap_or(0)
 }
 
 /// All constants of a program, each once and in order.

@@ -136,6 +136,7 @@ impl Evolve {
         let fitness = ImageFitness::new(training, window, coverage, &*backend)
             .together(settings.together)
             .minimizing(settings.error)
+            .breeding_at(settings.precision)
             .racing(&settings.racing, settings.seed);
         let fitness = match self.require_stable {
             true => fitness.restricted(stable_only(&files, window, &*backend)?),

@@ -6,6 +6,7 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 
 use crate::evolve::{Preset, Settings};
+use crate::plan::Precision;
 use crate::scene::metric::Measure;
 
 /// A parameter.
@@ -38,6 +39,8 @@ const PARAMETERS: &[Parameter] = parameters! {
         "Names the random streams: the same seed finds the same filter";
     "error" "ERROR" error:
         "What is minimised: rel-mse (the paper's), which puts small lights out with the fireflies, or two-sided, which keeps them";
+    "precision" "PRECISION" precision:
+        "How accurately filters are computed while they are bred: standard, or fast, in three quarters of the time; finalists are judged at standard";
     "generations" "N" generations:
         "Generations after the initial population";
     "radius" "PIXELS" radius:
@@ -141,6 +144,17 @@ impl Text for Measure {
         let known = Self::ALL.into_iter().find(|measure| measure.name() == text);
         known.ok_or_else(|| {
             format!("must be {}", Self::ALL.map(|m| format!("`{}`", m.name())).join(" or "))
+        })
+    }
+}
+
+impl Text for Precision {
+    fn text(&self) -> String {
+        self.name().to_owned()
+    }
+    fn parsed(text: &str) -> Result<Self, String> {
+        Self::named(text).ok_or_else(|| {
+            format!("must be {}", Self::ALL.map(|p| format!("`{}`", p.name())).join(" or "))
         })
     }
 }
@@ -265,6 +279,7 @@ mod tests {
             let value = (parameter.get)(&settings);
             let other = match parameter.flag {
                 "error" => "rel-mse".to_owned(),
+                "precision" => "fast".to_owned(),
                 "initial" => "gaussian".to_owned(),
                 "forbid" => "depth,sin".to_owned(),
                 "racing" => "on".to_owned(),

@@ -14,7 +14,7 @@ use super::sample::Sample;
 use crate::backend::{Backend, BackendError};
 use crate::expr::Tree;
 use crate::expr::tape::{Instr, Tape, Value};
-use crate::plan::{Passes, Plan, PlanError, Window};
+use crate::plan::{Passes, Plan, PlanError, Precision, Window};
 use crate::scene::{Facts, Scene};
 
 /// How expressions become programs.
@@ -70,9 +70,10 @@ impl Batching<'_> {
         &self,
         trees: &[Tree],
         samples: &[(&Scene, &Sample)],
+        precision: Precision,
         measure: impl Fn(usize, &[[f32; 3]]) -> T + Sync,
     ) -> Vec<Option<Vec<T>>> {
-        let passes = self.passes_for(samples);
+        let passes = Passes { precision, ..self.passes_for(samples) };
         let plan = |trees: &[Tree]| Plan::new(trees, self.window, &self.facts, passes);
         let plans: Vec<Option<Plan>> =
             trees.par_iter().map(|tree| plan(std::slice::from_ref(tree)).ok()).collect();

@@ -18,7 +18,7 @@ use super::race::{Entrant, Ruling};
 use super::settings::Racing;
 use crate::backend::{Backend, BackendError, Rect};
 use crate::expr::Tree;
-use crate::plan::{Passes, PlanError, Window};
+use crate::plan::{Passes, PlanError, Precision, Window};
 use crate::scene::facts::Facts;
 use crate::scene::metric::{self, Measure};
 use crate::scene::{Image, Scene, SceneError};
@@ -71,6 +71,9 @@ pub struct ImageFitness<'a> {
     samples: Vec<Sample>,
     coverage: Coverage,
     batching: Batching<'a>,
+    /// How accurately expressions are computed for breeding; for all else at standard
+    /// precision.
+    breeding: Precision,
     measure: Measure,
     /// Where races are run; without one every entrant is judged in full.
     course: Option<Course>,
@@ -130,8 +133,16 @@ impl<'a> ImageFitness<'a> {
         // plan and filtered in another, and little in training scenes is.
         let passes = Passes { converged: false, ..Passes::ALL };
         let batching = Batching { backend, facts, window, passes, together: TOGETHER };
-        let measure = Measure::RelMse;
-        Self { scenes, samples, coverage, batching, measure, course: None, restriction: None }
+        Self {
+            scenes,
+            samples,
+            coverage,
+            batching,
+            breeding: Precision::Standard,
+            measure: Measure::RelMse,
+            course: None,
+            restriction: None,
+        }
     }
 
     /// The same, judging so many expressions in one plan; the values are the same.
@@ -145,6 +156,15 @@ impl<'a> ImageFitness<'a> {
     #[must_use]
     pub fn minimizing(mut self, measure: Measure) -> Self {
         self.measure = measure;
+        self
+    }
+
+    /// The same, computing expressions with another accuracy while they are bred.
+    /// [`evaluate_full`](Fitness::evaluate_full) and [`report`](Self::report) stay at
+    /// standard precision.
+    #[must_use]
+    pub fn breeding_at(mut self, precision: Precision) -> Self {
+        self.breeding = precision;
         self
     }
 
@@ -166,7 +186,8 @@ impl<'a> ImageFitness<'a> {
         self
     }
 
-    /// The same, planning with other passes.
+    /// The same, planning with other passes; how accurately is not one of them
+    /// ([`breeding_at`](Self::breeding_at)).
     #[must_use]
     pub fn with_passes(mut self, passes: Passes) -> Self {
         self.batching.passes = passes;
@@ -214,9 +235,9 @@ impl<'a> ImageFitness<'a> {
     /// Per tree, the sum over the scenes of the mean error over their samples.
     /// Whatever cannot be planned, compiled or run is good for nothing, and costs
     /// the search no more than that.
-    fn errors(&self, trees: &[Tree], samples: &[Sample]) -> Vec<f64> {
+    fn errors(&self, trees: &[Tree], samples: &[Sample], precision: Precision) -> Vec<f64> {
         let error = |k: usize, pixels: &[[f32; 3]]| mean(&samples[k].errors(pixels, self.measure));
-        let measured = self.batching.run(trees, &self.pairs_of(samples), error);
+        let measured = self.batching.run(trees, &self.pairs_of(samples), precision, error);
         measured.into_iter().map(|errors| errors.map_or(f64::INFINITY, total)).collect()
     }
 
@@ -245,12 +266,12 @@ impl Fitness for ImageFitness<'_> {
     type Error = std::convert::Infallible;
 
     fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
-        Ok(self.unless_refused(trees, |trees| self.errors(trees, &self.samples)))
+        Ok(self.unless_refused(trees, |trees| self.errors(trees, &self.samples, self.breeding)))
     }
 
     fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
         let whole: Vec<Sample> = self.scenes.iter().map(Sample::whole).collect();
-        Ok(self.errors(trees, &whole))
+        Ok(self.errors(trees, &whole, Precision::Standard))
     }
 
     fn difference(&self, tree: &Tree) -> Result<f64, Self::Error> {
@@ -279,9 +300,13 @@ impl Fitness for ImageFitness<'_> {
 
     fn identity(&self) -> String {
         let names: Vec<&str> = self.scenes.iter().map(|t| t.scene.name()).collect();
+        let precision = match self.breeding {
+            Precision::Standard => String::new(),
+            Precision::Fast => format!(", {}", self.breeding.name()),
+        };
         let restriction = self.restriction.as_ref().map(|r| format!(", {}", r.name));
         format!(
-            "{} of {} over {:?}, {:?}{}",
+            "{} of {} over {:?}, {:?}{precision}{}",
             self.measure.name(),
             names.join(" "),
             self.batching.window,

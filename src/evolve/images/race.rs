@@ -86,10 +86,11 @@ impl ImageFitness<'_> {
 
     /// Judges in full, and keeps the tiles' errors.
     fn in_full(&self, course: &Course, trees: &[Tree]) -> Vec<f64> {
-        let measured = self.batching.run(trees, &self.pairs_of(&self.samples), |k, pixels| {
-            let errors = self.samples[k].errors(pixels, self.measure);
-            (mean(&errors), course.ladder.read(k, &self.samples[k], &errors))
-        });
+        let measured =
+            self.batching.run(trees, &self.pairs_of(&self.samples), self.breeding, |k, pixels| {
+                let errors = self.samples[k].errors(pixels, self.measure);
+                (mean(&errors), course.ladder.read(k, &self.samples[k], &errors))
+            });
         let mut values = Vec::with_capacity(trees.len());
         for (tree, measured) in trees.iter().zip(measured) {
             values.push(measured.map_or(f64::INFINITY, |measured| {
@@ -103,7 +104,7 @@ impl ImageFitness<'_> {
 
     /// Per tree and scene, the errors on the tiles that a rung adds.
     fn tile_errors(&self, trees: &[Tree], rung: &Rung) -> Vec<Option<TileErrors>> {
-        self.batching.run(trees, &self.pairs_of(&rung.samples), |k, pixels| {
+        self.batching.run(trees, &self.pairs_of(&rung.samples), self.breeding, |k, pixels| {
             rung.samples[k].means(&rung.samples[k].errors(pixels, self.measure))
         })
     }

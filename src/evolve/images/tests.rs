@@ -66,6 +66,27 @@ fn backends() -> Vec<Box<dyn Backend>> {
 }
 
 #[test]
+fn breeding_fast_changes_little_and_full_judgement_nothing() {
+    let trees: Vec<Tree> = bred(30);
+    let [standard, fast] = Precision::ALL.map(|p| fitness(&Interpreter).breeding_at(p));
+    let values = [&standard, &fast].map(|fitness| fitness.evaluate(&trees).unwrap());
+    let entrants: Vec<Entrant<'_>> = trees.iter().map(|tree| Entrant { tree, bar: None }).collect();
+    let raced = fast.race(&entrants).unwrap();
+    let mut different = 0;
+    for (k, tree) in trees.iter().enumerate() {
+        let [standard, fast] = values.each_ref().map(|values| values[k]);
+        assert!((fast - standard).abs() <= 1e-4 * standard, "{fast}, not {standard}: {tree}");
+        assert_eq!(raced[k].verdict, Verdict::Full(fast), "{tree}");
+        different += usize::from(fast != standard);
+    }
+    assert!(different > 20, "all but {different} are computed at standard precision");
+    let few = &trees[..3];
+    assert_eq!(standard.evaluate_full(few).unwrap(), fast.evaluate_full(few).unwrap());
+    assert_eq!(standard.report(&trees[0]).unwrap(), fast.report(&trees[0]).unwrap());
+    assert_ne!(standard.identity(), fast.identity());
+}
+
+#[test]
 fn company_changes_no_bit() {
     let trees = bred(300);
     let alone = fitness(&Interpreter).together(1).evaluate(&trees).unwrap();

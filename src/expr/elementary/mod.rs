@@ -81,7 +81,7 @@ pub(super) fn enclosure(budget: Budget, lo: f64, hi: f64) -> Interval {
 mod tests {
     use super::super::builder::{LIMIT, Rules};
     use super::super::function::{Binary, Unary};
-    use super::super::tape::{Input, Side};
+    use super::super::tape::{Input, Instr, Prim, Side};
     use super::*;
 
     suite::conforms!(exp: EXP short_exp: SHORT_EXP sin: SIN cos: COS tan: TAN asin: ASIN acos: ACOS atan: ATAN sqrt: SQRT);
@@ -160,6 +160,36 @@ mod tests {
             let tape = b.finish(&[power]);
             for x in [0.0, -0.0, 1e-45, 4.8e-39, 5e-39, 1.17e-38] {
                 assert_eq!(tape.eval(|_| x), [0.0], "{x:e} to the power of {:?}", tape.instrs());
+            }
+        }
+    }
+
+    /// Short powers of distances are powers of their squares, where what counts as 0 then is
+    /// negligible.
+    #[test]
+    fn short_powers_of_roots_take_no_root() {
+        let mut random = suite::Random::stream(7);
+        let special = [0.0, 1e-45, 1.17e-38, f32::MIN_POSITIVE, 1.0, 2.5e-37, LIMIT];
+        let random = (0..1 << 14).map(|_| random.between(-126.0, 59.0).exp2() as f32);
+        let squares: Vec<f32> = special.into_iter().chain(random).collect();
+        for (y, takes_root) in
+            [(0.7, true), (0.99, true), (1.001, false), (1.5, false), (2.02, false), (3.7, false)]
+        {
+            let mut b = Builder::new(Rules::ALL);
+            let square = b.input(Input::PerPixel(0, Side::I), Interval::new(0.0, LIMIT));
+            let (root, exponent) = (b.sqrt(square), b.constant(y));
+            let power = (SHORT_POW.build)(&mut b, root, exponent);
+            let tape = b.finish(&[power]);
+            let root = |instr: &Instr| matches!(instr, Instr::Prim(Prim::Sqrt, _));
+            assert_eq!(tape.instrs().iter().any(root), takes_root, "to the power of {y}");
+            for &square in &squares {
+                let got = tape.eval(|_| square)[0];
+                let exact = (SHORT_POW.meaning)(f64::from(square).sqrt(), y.into());
+                assert!(
+                    SHORT_POW.budget.allows(got, exact),
+                    "{got:e}, not {exact:e}, for the root of {square:e} to the power of {y}"
+                );
+                assert!(square > 0.0 || got == 0.0, "{got:e} for 0 to the power of {y}");
             }
         }
     }

@@ -61,7 +61,8 @@ pub const POW: Binary = Binary {
 };
 
 /// The same with the logarithm and the product in one part each: 34 primitives; the
-/// logarithm is a polynomial of degree 8 without a division. The budget is what is left of
+/// logarithm is a polynomial of degree 8 without a division. Of a square root, as distances
+/// are, it takes no root but half the exponent, where the exponent is 1 at least. The budget is what is left of
 /// results below 1e-19, where the absolute part allows as much; elsewhere 225 ulp.
 pub const SHORT_POW: Binary = Binary {
     meaning,
@@ -192,11 +193,22 @@ fn short_pow(b: &mut Builder, x: Value, y: Value) -> Value {
     if let Some(power) = b.constant_of(y).and_then(|y| constant_power(b, x, y)) {
         return power;
     }
-    let log = match b.exponent_of(x) {
-        Some([exponent, _]) => short_logarithm_of_power(b, exponent),
-        None => short_logarithm(b, x, vanishes(b, y)),
+    let exponent = match (b.exponent_of(x), square_under(b, x, y)) {
+        (Some([exponent, _]), _) => {
+            let log = short_logarithm_of_power(b, exponent);
+            b.mul(y, log)
+        }
+        (None, Some(square)) => {
+            let half = b.constant(0.5);
+            let half = b.mul(y, half);
+            let log = short_logarithm(b, square, vanishes(b, half));
+            b.mul(half, log)
+        }
+        (None, None) => {
+            let log = short_logarithm(b, x, vanishes(b, y));
+            b.mul(y, log)
+        }
     };
-    let exponent = b.mul(y, log);
     let clamped = b.clamp(exponent, EXPONENT_MIN, EXPONENT_MAX);
     let power = short_exp2(b, clamped);
     let limit = b.constant(LIMIT);
@@ -204,6 +216,13 @@ fn short_pow(b: &mut Builder, x: Value, y: Value) -> Value {
     let zero = b.constant(0.0);
     b.set_exponent(power, clamped, zero);
     signed(b, x, y, power)
+}
+
+/// What `x` is the square root of, if x^y may be taken as a power of that: distances are
+/// roots, and a root takes as long as five products. Squares below the normal numbers count
+/// as 0, which x^y is then too as far as the budget goes: y has to be 1 at least.
+fn square_under(b: &Builder, x: Value, y: Value) -> Option<Value> {
+    if b.rules().contract && b.range(y).lo >= 1.0 { b.square_of(x) } else { None }
 }
 
 /// Whether the power of 0 is 0 without [`LOG2_ZERO`].
