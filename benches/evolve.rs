@@ -31,7 +31,7 @@
 //! Programs of many weights are not mirrored (`plan::symmetry` says why), and few of these expressions end within
 //! the window. Those who race are held to the best tenth of all 128.
 //!
-//! `racing --share 0.3 --radius 3`, thirty seeds: 37% of the pairs, and a logarithm of the ratio of final errors
+//! `racing --precision standard --share 0.3 --radius 3`, thirty seeds: 37% of the pairs, and a logarithm of the ratio of final errors
 //! of -0.018 ± 0.015. More in RESULTS.md.
 
 use std::path::Path;

@@ -190,7 +190,7 @@ impl<'a> ImageFitness<'a> {
     /// ([`breeding_at`](Self::breeding_at)).
     #[must_use]
     pub fn with_passes(mut self, passes: Passes) -> Self {
-        self.batching.passes = passes;
+        self.batching.passes = Passes { precision: Precision::Standard, ..passes };
         self
     }
 

@@ -84,6 +84,9 @@ fn breeding_fast_changes_little_and_full_judgement_nothing() {
     assert_eq!(standard.evaluate_full(few).unwrap(), fast.evaluate_full(few).unwrap());
     assert_eq!(standard.report(&trees[0]).unwrap(), fast.report(&trees[0]).unwrap());
     assert_ne!(standard.identity(), fast.identity());
+    let passes = Passes { precision: Precision::Fast, converged: false, ..Passes::ALL };
+    let other = fitness(&Interpreter).with_passes(passes);
+    assert_eq!(standard.report(&trees[0]).unwrap(), other.report(&trees[0]).unwrap());
 }
 
 #[test]

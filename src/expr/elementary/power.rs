@@ -62,8 +62,9 @@ pub const POW: Binary = Binary {
 
 /// The same with the logarithm and the product in one part each: 34 primitives; the
 /// logarithm is a polynomial of degree 8 without a division. Of a square root, as distances
-/// are, it takes no root but half the exponent, where the exponent is 1 at least. The budget is what is left of
-/// results below 1e-19, where the absolute part allows as much; elsewhere 225 ulp.
+/// are, it takes no root but half the exponent, where the exponent is 1 at least. The budget
+/// is what is left of results below 1e-19, where the absolute part allows as much; elsewhere
+/// 225 ulp.
 pub const SHORT_POW: Binary = Binary {
     meaning,
     build: short_pow,
@@ -193,22 +194,16 @@ fn short_pow(b: &mut Builder, x: Value, y: Value) -> Value {
     if let Some(power) = b.constant_of(y).and_then(|y| constant_power(b, x, y)) {
         return power;
     }
-    let exponent = match (b.exponent_of(x), square_under(b, x, y)) {
-        (Some([exponent, _]), _) => {
-            let log = short_logarithm_of_power(b, exponent);
-            b.mul(y, log)
-        }
+    let (factor, log) = match (b.exponent_of(x), square_under(b, x, y)) {
+        (Some([exponent, _]), _) => (y, short_logarithm_of_power(b, exponent)),
         (None, Some(square)) => {
             let half = b.constant(0.5);
             let half = b.mul(y, half);
-            let log = short_logarithm(b, square, vanishes(b, half));
-            b.mul(half, log)
+            (half, short_logarithm(b, square, vanishes(b, half)))
         }
-        (None, None) => {
-            let log = short_logarithm(b, x, vanishes(b, y));
-            b.mul(y, log)
-        }
+        (None, None) => (y, short_logarithm(b, x, vanishes(b, y))),
     };
+    let exponent = b.mul(factor, log);
     let clamped = b.clamp(exponent, EXPONENT_MIN, EXPONENT_MAX);
     let power = short_exp2(b, clamped);
     let limit = b.constant(LIMIT);
