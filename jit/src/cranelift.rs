@@ -220,13 +220,13 @@ impl<const N: usize> Lanes for Assembler<'_, N> {
     }
 
     fn fraction(&mut self, x: Node<N>) -> Node<N> {
-        let root = self.splat(I32X4, 0x3eb5_04f4);
-        let field = self.splat(I32X4, 0xff80_0000);
+        let [root, mantissa, quarter] =
+            [0x3f35_04f4, 0x007f_ffff, 0x3eb5_04f4].map(|bits| self.splat(I32X4, bits));
         self.each(|b, k| {
             let bits = cast(b, I32X4, x.0[k]);
             let above = b.ins().isub(bits, root);
-            let exponent = b.ins().band(above, field);
-            let bits = b.ins().isub(bits, exponent);
+            let rest = b.ins().band(above, mantissa);
+            let bits = b.ins().iadd(rest, quarter);
             cast(b, F32X4, bits)
         })
     }

@@ -67,11 +67,10 @@ pub trait Lanes {
     /// any other `x` gets.
     fn exponent(&mut self, x: Self::F) -> Self::F;
 
-    /// `x` over two to the power `exponent(x) + 1`, for positive normal `x`: with
-    /// `bits = x.to_bits()`,
-    /// `f32::from_bits(bits.wrapping_sub(bits.wrapping_sub(0x3eb5_04f4) & 0xff80_0000))`.
+    /// `x` over two to the power `exponent(x) + 1`, for positive normal `x`:
+    /// `f32::from_bits((x.to_bits().wrapping_sub(0x3f35_04f4) & 0x007f_ffff) + 0x3eb5_04f4)`.
     ///
-    /// The constant has the bits of the least number above √⅛. The result is between that
+    /// The last constant has the bits of the least number above √⅛. The result is between that
     /// and √½, for any other `x` too.
     fn fraction(&mut self, x: Self::F) -> Self::F;
 

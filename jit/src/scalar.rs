@@ -73,8 +73,7 @@ impl Lanes for Scalar<'_> {
     }
 
     fn fraction(&mut self, x: f32) -> f32 {
-        let bits = x.to_bits();
-        f32::from_bits(bits.wrapping_sub(bits.wrapping_sub(0x3eb5_04f4) & 0xff80_0000))
+        f32::from_bits((x.to_bits().wrapping_sub(0x3f35_04f4) & 0x007f_ffff) + 0x3eb5_04f4)
     }
 
     fn add(&mut self, x: f32, y: f32) -> f32 {

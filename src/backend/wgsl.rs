@@ -233,8 +233,7 @@ fn primitive(prim: Prim, [a, b, c, d]: [&Operand; 4]) -> String {
         Prim::Exp2i => format!("bitcast<f32>(bitcast<u32>({a} + {EXP2I_MAGIC:?}f) << 23u)"),
         Prim::Exponent => format!("f32(bitcast<i32>(bitcast<u32>({a}) - 0x3f3504f4u) >> 23u)"),
         Prim::Fraction => {
-            let bits = format!("bitcast<u32>({a})");
-            format!("bitcast<f32>({bits} - (({bits} - 0x3eb504f4u) & 0xff800000u))")
+            format!("bitcast<f32>(((bitcast<u32>({a}) - 0x3f3504f4u) & 0x007fffffu) + 0x3eb504f4u)")
         }
         Prim::Add => format!("{a} + {b}"),
         Prim::Sub => format!("{a} - {b}"),

@@ -151,8 +151,7 @@ impl Prim {
             Self::Exp2i => f32::from_bits((a + EXP2I_MAGIC).to_bits() << 23),
             Self::Exponent => (a.to_bits().wrapping_sub(ROOTS[0]) as i32 >> 23) as f32,
             Self::Fraction => {
-                let bits = a.to_bits();
-                f32::from_bits(bits.wrapping_sub(bits.wrapping_sub(ROOTS[1]) & 0xff80_0000))
+                f32::from_bits((a.to_bits().wrapping_sub(ROOTS[0]) & 0x007f_ffff) + ROOTS[1])
             }
             Self::Add => a + b,
             Self::Sub => a - b,

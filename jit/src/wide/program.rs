@@ -170,6 +170,8 @@ pub(super) struct Recorder {
     spec: WindowSpec,
     ops: Vec<Op>,
     leaves: FxHashMap<Leaf, Id>,
+    /// What [`above`](Self::above) gave.
+    above: FxHashMap<Id, Id>,
     fault: Option<CompileError>,
 }
 
@@ -180,7 +182,8 @@ pub(super) struct Less(Id, Id);
 
 impl Recorder {
     pub(super) fn new(spec: WindowSpec) -> Self {
-        Self { spec, ops: Vec::new(), leaves: FxHashMap::default(), fault: None }
+        let (leaves, above) = (FxHashMap::default(), FxHashMap::default());
+        Self { spec, ops: Vec::new(), leaves, above, fault: None }
     }
 
     /// What was asked for, or the first thing that the body had no right to.
@@ -220,6 +223,18 @@ impl Recorder {
             Op::Binary(Binary::Xor, x, sign) if constant(sign) == Some(SIGN) => (x, true),
             _ => (value, false),
         }
+    }
+
+    /// How far the bits of a value are above those of √½: what its exponent and its fraction
+    /// are both made of.
+    fn above(&mut self, x: Id) -> Id {
+        if let Some(&above) = self.above.get(&x) {
+            return above;
+        }
+        let root = self.bits(0x3f35_04f4);
+        let above = self.push(Op::Binary(Binary::IntegerSub, x, root));
+        self.above.insert(x, above);
+        above
     }
 
     /// Remembers the first fault and stands in for the value.
@@ -278,17 +293,17 @@ impl Lanes for Recorder {
     }
 
     fn exponent(&mut self, x: Id) -> Id {
-        let root = self.bits(0x3f35_04f4);
-        let above = self.push(Op::Binary(Binary::IntegerSub, x, root));
+        let above = self.above(x);
         let exponent = self.push(Op::Unary(Unary::ShiftRight(23), above));
         self.push(Op::Unary(Unary::Convert, exponent))
     }
 
     fn fraction(&mut self, x: Id) -> Id {
-        let (root, field) = (self.bits(0x3eb5_04f4), self.bits(0xff80_0000));
-        let above = self.push(Op::Binary(Binary::IntegerSub, x, root));
-        let exponent = self.push(Op::Binary(Binary::And, above, field));
-        self.push(Op::Binary(Binary::IntegerSub, x, exponent))
+        let above = self.above(x);
+        let mantissa = self.bits(0x007f_ffff);
+        let rest = self.push(Op::Binary(Binary::And, above, mantissa));
+        let minus_root = self.bits(0x3eb5_04f4_u32.wrapping_neg());
+        self.push(Op::Binary(Binary::IntegerSub, rest, minus_root))
     }
 
     fn add(&mut self, x: Id, y: Id) -> Id {

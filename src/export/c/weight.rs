@@ -176,7 +176,7 @@ static float NAME_fraction(float a)
     uint32_t bits;
     float fraction;
     memcpy(&bits, &a, sizeof bits);
-    bits -= (bits - 0x3eb504f4u) & 0xff800000u;
+    bits = ((bits - 0x3f3504f4u) & 0x007fffffu) + 0x3eb504f4u;
     memcpy(&fraction, &bits, sizeof fraction);
     return fraction;
 }

@@ -81,7 +81,7 @@ pub(super) fn enclosure(budget: Budget, lo: f64, hi: f64) -> Interval {
 mod tests {
     use super::super::builder::{LIMIT, Rules};
     use super::super::function::{Binary, Unary};
-    use super::super::tape::{Input, Instr, Prim, Side};
+    use super::super::tape::{Input, Instr, Prim, Side, Tape};
     use super::*;
 
     suite::conforms!(exp: EXP short_exp: SHORT_EXP sin: SIN cos: COS tan: TAN asin: ASIN acos: ACOS atan: ATAN sqrt: SQRT);
@@ -164,29 +164,67 @@ mod tests {
         }
     }
 
-    /// Short powers of distances are powers of their squares, where what counts as 0 then is
+    /// A power of what is a square root, or of any value if `of_root` is false, as a tape.
+    fn constant_power(f: Binary, y: f32, of_root: bool) -> Tape {
+        let mut b = Builder::new(Rules::ALL);
+        let x = b.input(Input::PerPixel(0, Side::I), Interval::new(0.0, LIMIT));
+        let base = if of_root { b.sqrt(x) } else { x };
+        let exponent = b.constant(y);
+        let power = (f.build)(&mut b, base, exponent);
+        b.finish(&[power])
+    }
+
+    /// Exponents up to 2.5 need the logarithm in one part, others in two: both ways keep the
+    /// budget, for bases of all magnitudes and close to 1.
+    #[test]
+    fn powers_with_constant_exponents() {
+        let mut random = suite::Random::stream(8);
+        let mut exponents =
+            vec![1e-18, 0.002, 0.5_f32.next_up(), 1.0_f32.next_down(), 1.0_f32.next_up()];
+        exponents.extend([2.0_f32.next_up(), 2.5, 2.5_f32.next_up(), 3.0_f32.next_up(), 5.0]);
+        exponents.extend((0..150).map(|_| random.between(0.0, 2.5) as f32));
+        for y in exponents.iter().flat_map(|&y| [y, -y]) {
+            let tape = constant_power(POW, y, false);
+            let bases = (0..1 << 12).map(|k| match k % 2 {
+                0 => random.between(-126.0, 59.7).exp2() as f32,
+                _ => random.between(-2.0, 2.0).exp2() as f32,
+            });
+            for x in bases.collect::<Vec<_>>() {
+                let got = tape.eval(|_| x)[0];
+                let exact = (POW.meaning)(x.into(), y.into());
+                assert!(POW.budget.allows(got, exact), "{x:e}^{y} is {exact:e}, not {got:e}");
+            }
+        }
+    }
+
+    /// Powers of distances are powers of their squares, where what counts as 0 then is
     /// negligible.
     #[test]
-    fn short_powers_of_roots_take_no_root() {
+    fn powers_of_roots_take_no_root() {
         let mut random = suite::Random::stream(7);
         let special = [0.0, 1e-45, 1.17e-38, f32::MIN_POSITIVE, 1.0, 2.5e-37, LIMIT];
         let random = (0..1 << 14).map(|_| random.between(-126.0, 59.0).exp2() as f32);
         let squares: Vec<f32> = special.into_iter().chain(random).collect();
-        for (y, takes_root) in
-            [(0.7, true), (0.99, true), (1.001, false), (1.5, false), (2.02, false), (3.7, false)]
+        let cases = [
+            (0.7, true),
+            (0.99, true),
+            (1.001, false),
+            (1.5, false),
+            (2.02, false),
+            (3.7, false),
+            (4.1, false),
+        ];
+        for (f, (y, takes_root)) in
+            [POW, SHORT_POW].into_iter().flat_map(|f| cases.map(|case| (f, case)))
         {
-            let mut b = Builder::new(Rules::ALL);
-            let square = b.input(Input::PerPixel(0, Side::I), Interval::new(0.0, LIMIT));
-            let (root, exponent) = (b.sqrt(square), b.constant(y));
-            let power = (SHORT_POW.build)(&mut b, root, exponent);
-            let tape = b.finish(&[power]);
+            let tape = constant_power(f, y, true);
             let root = |instr: &Instr| matches!(instr, Instr::Prim(Prim::Sqrt, _));
             assert_eq!(tape.instrs().iter().any(root), takes_root, "to the power of {y}");
             for &square in &squares {
                 let got = tape.eval(|_| square)[0];
-                let exact = (SHORT_POW.meaning)(f64::from(square).sqrt(), y.into());
+                let exact = (f.meaning)(f64::from(square).sqrt(), y.into());
                 assert!(
-                    SHORT_POW.budget.allows(got, exact),
+                    f.budget.allows(got, exact),
                     "{got:e}, not {exact:e}, for the root of {square:e} to the power of {y}"
                 );
                 assert!(square > 0.0 || got == 0.0, "{got:e} for 0 to the power of {y}");

@@ -2,19 +2,21 @@
 //!
 //! x^y = 2^(y log2 x). The exponent of 2 reaches 127 and an error in it is as
 //! large a *relative* error in the result, so an `f32` logarithm would lose
-//! seven bits. The logarithm and the product are therefore carried in two parts.
+//! seven bits. There are two ways round that. The logarithm and the product can be
+//! carried in two parts. Or, for exponents that magnify little, the whole part of the logarithm
+//! and its fraction are kept apart, and each is multiplied on its own: the whole part's
+//! product needs no rounding once the whole part of the result is taken off.
 //!
-//! Measured for a base that is not negative, over results of all magnitudes (the
-//! time on four lanes with four chains interleaved, when both took two primitives more
-//! to split the base; that in `f32` was a logarithm with a division, as the one in two parts
-//! has it):
+//! Measured for a base that is not negative and a constant exponent, over results of all
+//! magnitudes:
 //!
-//! | logarithm and product | primitives | time | worst | mean |
-//! |---|---|---|---|---|
-//! | in `f32` | 28 | 1.0 | 300 ulp | 12 ulp |
-//! | in two parts | 46 | 1.4-1.5 | 3 ulp | 0.3 ulp |
+//! | logarithm and product | primitives | worst | mean |
+//! |---|---|---|---|
+//! | in `f32` | 25 | 225 ulp | 17 ulp |
+//! | whole part and fraction, exponents to 2.5 | 31-33 | 2.3 ulp | 0.24 ulp |
+//! | in two parts | 43 | 2.2 ulp | 0.20 ulp |
 //!
-//! The second is [`POW`], the first, without the division, [`SHORT_POW`]. The second
+//! [`POW`] is made in the second way or the third, [`SHORT_POW`] in the first. The third
 //! has a further use: with a constant base the builder folds the whole logarithm into
 //! two constants, so that 2^y or 0.3^y cost what an exponential costs, and are as
 //! accurate.
@@ -48,9 +50,10 @@ pub const SQRT: Unary = Unary {
 ///
 /// 54 primitives; 46 for a base that is not negative, 42 if it is also not 0 and
 /// |y| <= 1024; 20 for a constant base, 13 for base 2; 43 to 47 for a constant
-/// exponent, 41 if it is 127/126 at least and the base between 0 and 10, and 1 to 4 for the
-/// exponents -2, -1, -1/2, 0, 1/2, 1, 2, 3 and 4. The absolute part of the budget is what
-/// x^(1/2) makes of subnormals.
+/// exponent, 27 to 34 for one within ±2.5, and 1 to 4 for the
+/// exponents -2, -1, -1/2, 0, 1/2, 1, 2, 3 and 4. Of a square root, as distances
+/// are, it takes no root but half the exponent, where the exponent is 1 at least. The absolute
+/// part of the budget is what x^(1/2) makes of subnormals.
 pub const POW: Binary = Binary {
     meaning,
     build: pow,
@@ -60,9 +63,7 @@ pub const POW: Binary = Binary {
     short: Some(&SHORT_POW),
 };
 
-/// The same with the logarithm and the product in one part each: 34 primitives; the
-/// logarithm is a polynomial of degree 8 without a division. Of a square root, as distances
-/// are, it takes no root but half the exponent, where the exponent is 1 at least. The budget
+/// The same with the logarithm and the product in one part each: 34 primitives. The budget
 /// is what is left of results below 1e-19, where the absolute part allows as much; elsewhere
 /// 225 ulp.
 pub const SHORT_POW: Binary = Binary {
@@ -120,6 +121,23 @@ const SHORT_LOG2: [f32; 8] = [
     0.234_010_79,
     -0.146_597_97,
 ];
+
+/// log2 (1 + f) / f where 1 + f is in [sqrt(1/2), sqrt(2)); the logarithm to 7.2e-9, absolute.
+const LOG2: [f32; 9] = [
+    1.442_694_9,
+    -0.721_347_15,
+    0.480_920_43,
+    -0.360_719_05,
+    0.287_694_78,
+    -0.238_570_53,
+    0.217_158_48,
+    -0.209_954_22,
+    0.125_494_51,
+];
+
+/// Exponents up to here, in magnitude, magnify the error of a logarithm in `f32` so little that
+/// the budget holds.
+const SMALL_EXPONENT: f32 = 2.5;
 
 /// Bound of the low part of y log2 x. Where the result is neither 0 nor clamped
 /// that part is a thousand times smaller; elsewhere it could be anything.
@@ -182,11 +200,21 @@ fn pow(b: &mut Builder, x: Value, y: Value) -> Value {
         return power;
     }
     // The guards and signs vanish where x is known to be positive.
-    let log = match b.exponent_of(x) {
-        Some(exponent) => logarithm_of_power(b, exponent),
-        None => logarithm(b, x, vanishes(b, y)),
+    let power = match b.exponent_of(x) {
+        Some(exponent) => {
+            let log = logarithm_of_power(b, exponent);
+            exp2_of_product(b, y, log)
+        }
+        None => {
+            let (base, exponent) = without_root(b, x, y);
+            if is_small(b, exponent) {
+                small_power(b, base, exponent)
+            } else {
+                let log = logarithm(b, base, vanishes(b, exponent));
+                exp2_of_product(b, exponent, log)
+            }
+        }
     };
-    let power = exp2_of_product(b, y, log);
     signed(b, x, y, power)
 }
 
@@ -194,14 +222,12 @@ fn short_pow(b: &mut Builder, x: Value, y: Value) -> Value {
     if let Some(power) = b.constant_of(y).and_then(|y| constant_power(b, x, y)) {
         return power;
     }
-    let (factor, log) = match (b.exponent_of(x), square_under(b, x, y)) {
-        (Some([exponent, _]), _) => (y, short_logarithm_of_power(b, exponent)),
-        (None, Some(square)) => {
-            let half = b.constant(0.5);
-            let half = b.mul(y, half);
-            (half, short_logarithm(b, square, vanishes(b, half)))
+    let (factor, log) = match b.exponent_of(x) {
+        Some([exponent, _]) => (y, short_logarithm_of_power(b, exponent)),
+        None => {
+            let (base, exponent) = without_root(b, x, y);
+            (exponent, short_logarithm(b, base, vanishes(b, exponent)))
         }
-        (None, None) => (y, short_logarithm(b, x, vanishes(b, y))),
     };
     let exponent = b.mul(factor, log);
     let clamped = b.clamp(exponent, EXPONENT_MIN, EXPONENT_MAX);
@@ -213,11 +239,22 @@ fn short_pow(b: &mut Builder, x: Value, y: Value) -> Value {
     signed(b, x, y, power)
 }
 
-/// What `x` is the square root of, if x^y may be taken as a power of that: distances are
-/// roots, and a root takes as long as five products. Squares below the normal numbers count
-/// as 0, which x^y is then too as far as the budget goes: y has to be 1 at least.
-fn square_under(b: &Builder, x: Value, y: Value) -> Option<Value> {
-    if b.rules().contract && b.range(y).lo >= 1.0 { b.square_of(x) } else { None }
+/// A base and an exponent that give x^y: where x is a square root and y 1 at least, what x is
+/// the root of, and half of y. Distances are roots, and a root takes as long as five products.
+/// Squares below the normal numbers count as 0, which x^y is then too as far as the budget
+/// goes, but for smaller y.
+fn without_root(b: &mut Builder, x: Value, y: Value) -> (Value, Value) {
+    let square = if b.rules().contract && b.range(y).lo >= 1.0 { b.square_of(x) } else { None };
+    let Some(square) = square else { return (x, y) };
+    let half = b.constant(0.5);
+    (square, b.mul(y, half))
+}
+
+/// Whether an exponent is known to be within ±[`SMALL_EXPONENT`]. What ranges show counts as
+/// contraction, as the two ways to compute a power round differently.
+fn is_small(b: &Builder, y: Value) -> bool {
+    let known = b.constant_of(y).is_some() || b.rules().contract;
+    known && b.range(y).magnitude() <= SMALL_EXPONENT
 }
 
 /// Whether the power of 0 is 0 without [`LOG2_ZERO`].
@@ -413,6 +450,59 @@ fn log2(b: &mut Builder, x: Value) -> Parts {
     Parts { high, low, low_max: 1.0 / 131_072.0 }
 }
 
+/// |x|^y for y within ±[`SMALL_EXPONENT`].
+///
+/// With x = 2^e m, p = y log2 m and n the integer nearest to y e + p, x^y is 2^n times 2 to the
+/// power of (y e - n) + p. The difference is small and has next to no error, so nothing large
+/// is ever rounded, and the logarithm of m alone has to be known, to an absolute error.
+fn small_power(b: &mut Builder, x: Value, y: Value) -> Value {
+    let magnitude = b.abs(x);
+    let normal = at_least_normal(b, magnitude);
+    let [e, _, f] = split(b, normal);
+    let series = horner(b, f, &LOG2);
+    let log_m = b.mul(f, series);
+    b.assume(log_m, Interval::new(-0.500_001, 0.500_001));
+    let e = if vanishes(b, y) { e } else { unless_zero(b, magnitude, e) };
+
+    let product = b.mul(y, log_m);
+    let sum = b.fma(y, e, product);
+    let high = b.clamp(sum, EXPONENT_MIN, EXPONENT_MAX);
+    let n = b.round(high);
+    let minus_n = b.neg(n);
+    let g = b.fma(y, e, minus_n);
+    b.pin(g);
+    let g = b.add(g, product);
+    // Of a sum that was clamped g is the whole excess. Else it is a half and what rounding the
+    // sum left.
+    let known = |proved: bool, bound: f32| if proved { bound } else { bound * f32::INFINITY };
+    let range = b.range(sum);
+    let proved = [range.lo >= EXPONENT_MIN, range.hi <= EXPONENT_MAX];
+    b.assume(g, Interval::new(known(proved[0], -1.0), known(proved[1], 1.0)));
+    let g = b.clamp(g, -1.0, 1.0);
+    let power = scaled_exp2(b, g, n);
+    b.stands_for(power, Native::Exp2, high);
+    let limit = b.constant(LIMIT);
+    let power = b.min(power, limit);
+
+    let minus_sum = b.neg(sum);
+    let low = b.fma(y, e, minus_sum);
+    b.pin(low);
+    let low = b.add(low, product);
+    let low = b.clamp(low, -RESIDUE_MAX, RESIDUE_MAX);
+    b.set_exponent(power, high, low);
+    power
+}
+
+/// 2^(n + g) for an integer n in [-127, 60], |g| <= 1/2 and a little; nonsense but in
+/// [1/4, 4] 2^n for |g| <= 1.
+fn scaled_exp2(b: &mut Builder, g: Value, n: Value) -> Value {
+    let one = b.constant(1.0);
+    let slope = horner(b, g, &EXP2);
+    let power = b.fma(slope, g, one);
+    let scale = b.exp2i(n);
+    b.mul(power, scale)
+}
+
 /// 2^(y * log), at most [`LIMIT`].
 fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     let high = b.mul(y, log.high);
@@ -432,11 +522,7 @@ fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     let g = b.sub(high, n);
     b.assume(g, Interval::new(-0.5, 0.5));
     let g = b.add(g, low);
-    let one = b.constant(1.0);
-    let slope = horner(b, g, &EXP2);
-    let power = b.fma(slope, g, one);
-    let scale = b.exp2i(n);
-    let power = b.mul(power, scale);
+    let power = scaled_exp2(b, g, n);
     b.stands_for(power, Native::Exp2, high);
     let limit = b.constant(LIMIT);
     let power = b.min(power, limit);

@@ -88,11 +88,21 @@ pub(in crate::expr) fn check_pairs(f: Binary, pair: impl Fn(&mut Random) -> (f32
 
     for _ in 0..2000 {
         let (a, c) = (random.interval(), random.interval());
-        let tape = binary_tape(f, Rules::ALL, [a, c]);
         let range = (f.range)(a, c);
         let xs: Row = std::array::from_fn(|_| random.inside(a));
         let ys: Row = std::array::from_fn(|_| random.inside(c));
-        let narrow = Lanes::new(tape).run([&xs, &ys]);
+        let contracted = Lanes::new(binary_tape(f, Rules::ALL, [a, c])).run([&xs, &ys]);
+        for (k, got) in contracted.into_iter().enumerate() {
+            let at = (xs[k], ys[k]);
+            let exact = (f.meaning)(at.0.into(), at.1.into());
+            assert!(
+                f.budget.allows(got, exact),
+                "f{at:?} = {got:e}, not {exact:e}, on {a:?}, {c:?}"
+            );
+            assert!(range.contains(got), "f{at:?} = {got:e} is outside {range:?} on {a:?}, {c:?}");
+        }
+        let rules = Rules { contract: false, ..Rules::ALL };
+        let narrow = Lanes::new(binary_tape(f, rules, [a, c])).run([&xs, &ys]);
         let wide = binary_tape(f, Rules::NONE, [a.single(), c.single()].map(known));
         let wide = Lanes::new(wide).run([&xs, &ys]);
         for (k, (got, want)) in narrow.into_iter().zip(wide).enumerate() {
