@@ -266,7 +266,7 @@ impl Setting {
     }
 
     /// Milliseconds to judge a weight on the training set, planning and compiling
-    /// included: as machine code, and as exported C. Medians of three, in turn.
+    /// included: as machine code, and as exported C. Medians over the rounds, in turn.
     fn fresh(&self, weight: &Tree, variant: &Variant, precision: Precision) -> [f64; 2] {
         let taps = exported_plan(weight, BREEDING_RADIUS, precision).taps().runs().to_vec();
         let supplies: Vec<Supply<'_>> = self.training.iter().map(Supply::new).collect();
@@ -288,7 +288,7 @@ impl Setting {
             }
         };
         let rounds: Vec<[f64; 2]> =
-            (0..3).map(|_| [timed(as_machine_code).1, timed(as_c).1]).collect();
+            (0..self.arguments.rounds).map(|_| [timed(as_machine_code).1, timed(as_c).1]).collect();
         [0, 1].map(|k| median(rounds.iter().map(|times| times[k]).collect()))
     }
 

@@ -472,18 +472,18 @@ fn small_power(b: &mut Builder, x: Value, y: Value) -> Value {
     let g = b.fma(y, e, minus_n);
     b.pin(g);
     let g = b.add(g, product);
-    // Of a sum that was clamped g is the whole excess. Else it is a half and what rounding the
-    // sum left.
-    let known = |proved: bool, bound: f32| if proved { bound } else { bound * f32::INFINITY };
+    // A half, and what rounding the sum left; but all of the excess of a sum that was clamped.
     let range = b.range(sum);
-    let proved = [range.lo >= EXPONENT_MIN, range.hi <= EXPONENT_MAX];
-    b.assume(g, Interval::new(known(proved[0], -1.0), known(proved[1], 1.0)));
+    let least = if range.lo >= EXPONENT_MIN { -1.0 } else { f32::NEG_INFINITY };
+    let greatest = if range.hi <= EXPONENT_MAX { 1.0 } else { f32::INFINITY };
+    b.assume(g, Interval::new(least, greatest));
     let g = b.clamp(g, -1.0, 1.0);
     let power = scaled_exp2(b, g, n);
     b.stands_for(power, Native::Exp2, high);
     let limit = b.constant(LIMIT);
     let power = b.min(power, limit);
 
+    // For a power of this power; without one nothing of it is left.
     let minus_sum = b.neg(sum);
     let low = b.fma(y, e, minus_sum);
     b.pin(low);
@@ -493,8 +493,8 @@ fn small_power(b: &mut Builder, x: Value, y: Value) -> Value {
     power
 }
 
-/// 2^(n + g) for an integer n in [-127, 60], |g| <= 1/2 and a little; nonsense but in
-/// [1/4, 4] 2^n for |g| <= 1.
+/// 2^(n + g) for an integer n in [-127, 60] and |g| up to 1/2 and a little; up to 1 something
+/// between 2^(n - 2) and 2^(n + 2).
 fn scaled_exp2(b: &mut Builder, g: Value, n: Value) -> Value {
     let one = b.constant(1.0);
     let slope = horner(b, g, &EXP2);
