@@ -9,8 +9,10 @@
 //! those lines gets the same bits; [`Scalar`](crate::Scalar) is one.
 //!
 //! Everything is IEEE 754 single precision, rounded to nearest even, with
-//! subnormals kept and signed zeros as the standard has them. The one thing not
-//! promised is the payload of a NaN.
+//! subnormals kept and signed zeros as the standard has them. What is not promised
+//! is the sign and the payload of a NaN (`y - x` may stand for `-x + y`), nor then what
+//! [`exp2i`](Lanes::exp2i), [`exponent`](Lanes::exponent) and
+//! [`fraction`](Lanes::fraction), which read bits, make of one.
 
 /// Which pixel of the pair a plane is read at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

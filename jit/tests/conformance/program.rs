@@ -40,6 +40,13 @@ impl Program {
     }
 }
 
+/// `x`, or minus infinity for a NaN, for instructions that read bits: the sign of a NaN is
+/// not promised.
+fn a_number<L: Lanes>(lanes: &mut L, x: L::F) -> L::F {
+    let least = lanes.constant(f32::NEG_INFINITY);
+    lanes.max(x, least)
+}
+
 impl Body for Program {
     fn emit<L: Lanes>(&self, lanes: &mut L) -> Vec<L::F> {
         let mut values: Vec<L::F> = Vec::new();
@@ -53,9 +60,18 @@ impl Body for Program {
                 Node::Abs(a) => lanes.abs(at(a)),
                 Node::Sqrt(a) => lanes.sqrt(at(a)),
                 Node::Round(a) => lanes.round(at(a)),
-                Node::Exp2i(a) => lanes.exp2i(at(a)),
-                Node::Exponent(a) => lanes.exponent(at(a)),
-                Node::Fraction(a) => lanes.fraction(at(a)),
+                Node::Exp2i(a) => {
+                    let number = a_number(lanes, at(a));
+                    lanes.exp2i(number)
+                }
+                Node::Exponent(a) => {
+                    let number = a_number(lanes, at(a));
+                    lanes.exponent(number)
+                }
+                Node::Fraction(a) => {
+                    let number = a_number(lanes, at(a));
+                    lanes.fraction(number)
+                }
                 Node::Add(a, b) => lanes.add(at(a), at(b)),
                 Node::Sub(a, b) => lanes.sub(at(a), at(b)),
                 Node::Mul(a, b) => lanes.mul(at(a), at(b)),

@@ -44,7 +44,7 @@ fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize
     sums
 }
 
-/// Bits, with all NaNs made one: their payload is not part of the promise.
+/// Bits, with all NaNs made one: their sign and payload are not part of the promise.
 fn bits(value: f32) -> u32 {
     if value.is_nan() { f32::NAN.to_bits() } else { value.to_bits() }
 }
