@@ -146,12 +146,12 @@ mod tests {
     }
 
     /// From 127/126 on, exponents make 0 of what the logarithm says of 0 and of subnormals;
-    /// below, there is a selection.
+    /// below, there is a selection, of as much as the exponent makes 0 of.
     #[test]
     fn the_power_of_zero_is_zero_however_it_is_made() {
         for (f, y) in [POW, SHORT_POW]
             .into_iter()
-            .flat_map(|f| [0.9, 1.007, 1.008, 1.5, 1e18].map(|y| (f, y)))
+            .flat_map(|f| [2e-18, 0.002, 0.9, 1.007, 1.008, 1.5, 1e18].map(|y| (f, y)))
         {
             let mut b = Builder::new(Rules::ALL);
             let x = b.input(Input::PerPixel(0, Side::I), Interval::new(0.0, LIMIT));
@@ -165,8 +165,8 @@ mod tests {
     }
 
     /// A power of what is a square root, or of any value if `of_root` is false, as a tape.
-    fn constant_power(f: Binary, y: f32, of_root: bool) -> Tape {
-        let mut b = Builder::new(Rules::ALL);
+    fn constant_power(f: Binary, y: f32, of_root: bool, rules: Rules) -> Tape {
+        let mut b = Builder::new(rules);
         let x = b.input(Input::PerPixel(0, Side::I), Interval::new(0.0, LIMIT));
         let base = if of_root { b.sqrt(x) } else { x };
         let exponent = b.constant(y);
@@ -180,17 +180,21 @@ mod tests {
     fn powers_with_constant_exponents() {
         let mut random = suite::Random::stream(8);
         let mut exponents =
-            vec![1e-18, 0.002, 0.5_f32.next_up(), 1.0_f32.next_down(), 1.0_f32.next_up()];
+            vec![1e-18, 2e-18, 0.002, 0.5_f32.next_up(), 1.0_f32.next_down(), 1.0_f32.next_up()];
+        exponents.extend([1.008_f32.next_down(), 1.008]);
         exponents.extend([2.0_f32.next_up(), 2.5, 2.5_f32.next_up(), 3.0_f32.next_up(), 5.0]);
         exponents.extend((0..150).map(|_| random.between(0.0, 2.5) as f32));
         for y in exponents.iter().flat_map(|&y| [y, -y]) {
-            let tape = constant_power(POW, y, false);
+            let [tape, plain] =
+                [Rules::ALL, Rules::NONE].map(|rules| constant_power(POW, y, false, rules));
             let bases = (0..1 << 12).map(|k| match k % 2 {
                 0 => random.between(-126.0, 59.7).exp2() as f32,
                 _ => random.between(-2.0, 2.0).exp2() as f32,
             });
-            for x in bases.collect::<Vec<_>>() {
+            let special = [0.0, 1.17e-38, f32::MIN_POSITIVE, 1.2e-38, 2.3e-38, 1.0, LIMIT];
+            for x in bases.chain(special).collect::<Vec<_>>() {
                 let got = tape.eval(|_| x)[0];
+                assert_eq!(got, plain.eval(|_| x)[0], "{x:e}^{y}, with all rules and with none");
                 let exact = (POW.meaning)(x.into(), y.into());
                 assert!(POW.budget.allows(got, exact), "{x:e}^{y} is {exact:e}, not {got:e}");
             }
@@ -217,7 +221,7 @@ mod tests {
         for (f, (y, takes_root)) in
             [POW, SHORT_POW].into_iter().flat_map(|f| cases.map(|case| (f, case)))
         {
-            let tape = constant_power(f, y, true);
+            let tape = constant_power(f, y, true, Rules::ALL);
             let root = |instr: &Instr| matches!(instr, Instr::Prim(Prim::Sqrt, _));
             assert_eq!(tape.instrs().iter().any(root), takes_root, "to the power of {y}");
             for &square in &squares {

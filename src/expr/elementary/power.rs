@@ -13,7 +13,7 @@
 //! | logarithm and product | primitives | worst | mean |
 //! |---|---|---|---|
 //! | in `f32` | 25 | 225 ulp | 17 ulp |
-//! | whole part and fraction, exponents to 2.5 | 31-33 | 2.3 ulp | 0.24 ulp |
+//! | whole part and fraction, exponents to 2.5 | 29-34 | 2.3 ulp | 0.24 ulp |
 //! | in two parts | 43 | 2.2 ulp | 0.20 ulp |
 //!
 //! [`POW`] is made in the second way or the third, [`SHORT_POW`] in the first. The third
@@ -84,9 +84,12 @@ const FAST: Fast = Fast { within: 16.0, budget: Budget { ulp: 500.0, ..BUDGET } 
 /// so that the product is exact.
 const LOG2_ZERO: f32 = -73_786_976_294_838_206_464.0;
 
+/// Exponents from here on make 0 of 0, as [`LOG2_ZERO`] times this is less than -127.5.
+const VANISHING: f32 = 2e-18;
+
 /// The least normal number has the logarithm -126. Exponents from here on, 127/126 and a
 /// little more, flush powers of it to 0, so that 0 needs no logarithm of its own.
-const VANISHING: f32 = 1.008;
+const FLUSHING: f32 = 1.008;
 
 /// log2 of [`LIMIT`], below which no power is clamped.
 const LOG2_LIMIT: f32 = 59.794_705;
@@ -210,7 +213,7 @@ fn pow(b: &mut Builder, x: Value, y: Value) -> Value {
             if is_small(b, exponent) {
                 small_power(b, base, exponent)
             } else {
-                let log = logarithm(b, base, vanishes(b, exponent));
+                let log = logarithm(b, base, log2_of_zero(b, exponent));
                 exp2_of_product(b, exponent, log)
             }
         }
@@ -226,11 +229,11 @@ fn short_pow(b: &mut Builder, x: Value, y: Value) -> Value {
         Some([exponent, _]) => (y, short_logarithm_of_power(b, exponent)),
         None => {
             let (base, exponent) = without_root(b, x, y);
-            (exponent, short_logarithm(b, base, vanishes(b, exponent)))
+            (exponent, short_logarithm(b, base, log2_of_zero(b, exponent)))
         }
     };
     let exponent = b.mul(factor, log);
-    let clamped = b.clamp(exponent, EXPONENT_MIN, EXPONENT_MAX);
+    let clamped = exponent_of_scale(b, exponent);
     let power = short_exp2(b, clamped);
     let limit = b.constant(LIMIT);
     let power = b.min(power, limit);
@@ -257,9 +260,31 @@ fn is_small(b: &Builder, y: Value) -> bool {
     known && b.range(y).magnitude() <= SMALL_EXPONENT
 }
 
-/// Whether the power of 0 is 0 without [`LOG2_ZERO`].
-fn vanishes(b: &Builder, y: Value) -> bool {
-    b.rules().ranges && b.range(y).lo >= VANISHING
+/// What 0 counts as having for a logarithm where the exponent is y: [`LOG2_ZERO`], but with
+/// constants no more than it takes to flush the power, so that nothing after it needs bounds;
+/// or nothing, where powers of 0 and of the least normal number are flushed alike.
+fn log2_of_zero(b: &Builder, y: Value) -> Option<f32> {
+    if b.rules().ranges && b.range(y).lo >= FLUSHING {
+        return None;
+    }
+    match b.constant_of(y) {
+        Some(y @ VANISHING..FLUSHING) if b.rules().ranges => Some(EXPONENT_MIN / y),
+        _ => Some(LOG2_ZERO),
+    }
+}
+
+/// Bounds an exponent of 2, unless it is within them as an integer.
+fn exponent_of_scale(b: &mut Builder, exponent: Value) -> Value {
+    let range = b.range(exponent);
+    let [low, high] = [range.lo, range.hi].map(|bound| b.rules().ranges && is_scale(bound));
+    let (least, greatest) = (b.constant(EXPONENT_MIN), b.constant(EXPONENT_MAX));
+    let raised = if low { exponent } else { b.max(exponent, least) };
+    if high { raised } else { b.min(raised, greatest) }
+}
+
+/// Whether an exponent of 2 is one of a scale when it is rounded to an integer.
+fn is_scale(exponent: f32) -> bool {
+    (EXPONENT_MIN - 0.4..=EXPONENT_MAX + 0.4).contains(&exponent)
 }
 
 /// The power of |x| with the sign of that of x.
@@ -340,15 +365,12 @@ struct Parts {
     low_max: f32,
 }
 
-/// log2 |x|. Of 0 it is [`LOG2_ZERO`], unless powers of 0 vanish anyway ([`VANISHING`]).
-fn logarithm(b: &mut Builder, x: Value, vanishes: bool) -> Parts {
+/// log2 |x|, or what 0 counts as having.
+fn logarithm(b: &mut Builder, x: Value, of_zero: Option<f32>) -> Parts {
     let magnitude = b.abs(x);
     let normal = at_least_normal(b, magnitude);
     let log = log2(b, normal);
-    if vanishes {
-        return log;
-    }
-    let high = unless_zero(b, magnitude, log.high);
+    let high = unless_zero(b, magnitude, of_zero, log.high);
     Parts { high, ..log }
 }
 
@@ -357,11 +379,12 @@ fn at_least_normal(b: &mut Builder, magnitude: Value) -> Value {
     b.max(magnitude, smallest)
 }
 
-/// The logarithm, or that of 0 if |x| is no normal number.
-fn unless_zero(b: &mut Builder, magnitude: Value, log: Value) -> Value {
+/// The logarithm, or that of 0, if it has one, where |x| is no normal number.
+fn unless_zero(b: &mut Builder, magnitude: Value, of_zero: Option<f32>, log: Value) -> Value {
+    let Some(of_zero) = of_zero else { return log };
     let smallest = b.constant(f32::MIN_POSITIVE);
-    let log2_zero = b.constant(LOG2_ZERO);
-    b.select_lt(magnitude, smallest, log2_zero, log)
+    let of_zero = b.constant(of_zero);
+    b.select_lt(magnitude, smallest, of_zero, log)
 }
 
 /// The same of a value that is itself a power, from the exponent it was made with:
@@ -388,17 +411,14 @@ fn split(b: &mut Builder, x: Value) -> [Value; 3] {
 }
 
 /// The same in one part.
-fn short_logarithm(b: &mut Builder, x: Value, vanishes: bool) -> Value {
+fn short_logarithm(b: &mut Builder, x: Value, of_zero: Option<f32>) -> Value {
     let magnitude = b.abs(x);
     let normal = at_least_normal(b, magnitude);
     let [e, _, f] = split(b, normal);
     let series = horner(b, f, &SHORT_LOG2);
     let log = b.fma(f, series, e);
     b.stands_for(log, Native::Log2, normal);
-    if vanishes {
-        return log;
-    }
-    unless_zero(b, magnitude, log)
+    unless_zero(b, magnitude, of_zero, log)
 }
 
 /// The same of a value that is itself a power, from the exponent it was made with.
@@ -462,11 +482,16 @@ fn small_power(b: &mut Builder, x: Value, y: Value) -> Value {
     let series = horner(b, f, &LOG2);
     let log_m = b.mul(f, series);
     b.assume(log_m, Interval::new(-0.500_001, 0.500_001));
-    let e = if vanishes(b, y) { e } else { unless_zero(b, magnitude, e) };
+    let of_zero = log2_of_zero(b, y);
+    let e = unless_zero(b, magnitude, of_zero, e);
 
     let product = b.mul(y, log_m);
     let sum = b.fma(y, e, product);
-    let high = b.clamp(sum, EXPONENT_MIN, EXPONENT_MAX);
+    if of_zero.is_some_and(|log| log > LOG2_ZERO) {
+        // Of the least normal number it is -127 at least, of 0 that, rounded.
+        b.assume(sum, Interval::new(EXPONENT_MIN - 0.1, f32::INFINITY));
+    }
+    let high = exponent_of_scale(b, sum);
     let n = b.round(high);
     let minus_n = b.neg(n);
     let g = b.fma(y, e, minus_n);
@@ -474,8 +499,8 @@ fn small_power(b: &mut Builder, x: Value, y: Value) -> Value {
     let g = b.add(g, product);
     // A half, and what rounding the sum left; but all of the excess of a sum that was clamped.
     let range = b.range(sum);
-    let least = if range.lo >= EXPONENT_MIN { -1.0 } else { f32::NEG_INFINITY };
-    let greatest = if range.hi <= EXPONENT_MAX { 1.0 } else { f32::INFINITY };
+    let least = if is_scale(range.lo) { -1.0 } else { f32::NEG_INFINITY };
+    let greatest = if is_scale(range.hi) { 1.0 } else { f32::INFINITY };
     b.assume(g, Interval::new(least, greatest));
     let g = b.clamp(g, -1.0, 1.0);
     let power = scaled_exp2(b, g, n);
@@ -517,7 +542,7 @@ fn exp2_of_product(b: &mut Builder, y: Value, log: Parts) -> Value {
     b.assume(low, Interval::new(-bound, bound));
     let low = b.clamp(low, -RESIDUE_MAX, RESIDUE_MAX);
 
-    let high = b.clamp(high, EXPONENT_MIN, EXPONENT_MAX);
+    let high = exponent_of_scale(b, high);
     let n = b.round(high);
     let g = b.sub(high, n);
     b.assume(g, Interval::new(-0.5, 0.5));
