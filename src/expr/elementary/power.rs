@@ -260,9 +260,9 @@ fn is_small(b: &Builder, y: Value) -> bool {
     known && b.range(y).magnitude() <= SMALL_EXPONENT
 }
 
-/// What 0 counts as having for a logarithm where the exponent is y: [`LOG2_ZERO`], but with
-/// constants no more than it takes to flush the power, so that nothing after it needs bounds;
-/// or nothing, where powers of 0 and of the least normal number are flushed alike.
+/// The logarithm that 0 counts as having where the exponent is y. It is [`LOG2_ZERO`]; but a
+/// constant that makes 0 of 0 gets no lower one than it flushes, so that what follows is never
+/// out of bounds. There is none where the power of the least normal number is flushed too.
 fn log2_of_zero(b: &Builder, y: Value) -> Option<f32> {
     if b.rules().ranges && b.range(y).lo >= FLUSHING {
         return None;
@@ -273,7 +273,7 @@ fn log2_of_zero(b: &Builder, y: Value) -> Option<f32> {
     }
 }
 
-/// Bounds an exponent of 2, unless it is within them as an integer.
+/// Bounds an exponent of 2, where the integer nearest to it may be out of bounds.
 fn exponent_of_scale(b: &mut Builder, exponent: Value) -> Value {
     let range = b.range(exponent);
     let [low, high] = [range.lo, range.hi].map(|bound| b.rules().ranges && is_scale(bound));
@@ -282,7 +282,8 @@ fn exponent_of_scale(b: &mut Builder, exponent: Value) -> Value {
     if high { raised } else { b.min(raised, greatest) }
 }
 
-/// Whether an exponent of 2 is one of a scale when it is rounded to an integer.
+/// Whether the integer nearest to an exponent of 2 is the exponent of a scale. The margin is
+/// less than half, as the ends of ranges are rounded.
 fn is_scale(exponent: f32) -> bool {
     (EXPONENT_MIN - 0.4..=EXPONENT_MAX + 0.4).contains(&exponent)
 }
@@ -488,7 +489,7 @@ fn small_power(b: &mut Builder, x: Value, y: Value) -> Value {
     let product = b.mul(y, log_m);
     let sum = b.fma(y, e, product);
     if of_zero.is_some_and(|log| log > LOG2_ZERO) {
-        // Of the least normal number it is -127 at least, of 0 that, rounded.
+        // It is lowest for 0, -127 with two roundings, and for the least normal number, -127.01.
         b.assume(sum, Interval::new(EXPONENT_MIN - 0.1, f32::INFINITY));
     }
     let high = exponent_of_scale(b, sum);
