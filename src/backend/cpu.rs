@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::block::{Arg, BLOCK, LANES, Program, Slots};
 use super::converged::Changes;
-use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, inside};
+use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, holds, inside};
 use crate::expr::PlaneId;
 use crate::expr::tape::{Axis, Input, Side};
 use crate::plan::{Plan, Run, Tapes};
@@ -153,6 +153,7 @@ impl Rates {
         scene: &Scene,
         region: &[Rect],
     ) -> Result<Vec<Filtered>, BackendError> {
+        holds(plan, scene)?;
         inside(scene, region)?;
         let strips = self.strips(region);
         let frame = self.gather(plan, scene, &strips)?;

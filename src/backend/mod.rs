@@ -34,7 +34,7 @@ pub mod shader;
 pub mod wgsl;
 
 use crate::plan::{Plan, Precision};
-use crate::scene::Scene;
+use crate::scene::{Fact, Scene};
 
 pub use exact::Exact;
 #[cfg(feature = "gpu")]
@@ -153,6 +153,21 @@ pub enum BackendError {
     /// The scene was loaded without a plane that the plan reads.
     #[error("the scene was loaded without `{0}`")]
     NotLoaded(crate::expr::PlaneId),
+    /// The plan is specialised to facts that do not hold of the scene.
+    #[error(
+        "the filter was compiled for scenes in which `{plane}` {assumed}, \
+         but in `{scene}` it {actual}; compile it for this scene"
+    )]
+    Unlike {
+        /// The scene.
+        scene: String,
+        /// Of which plane something else holds.
+        plane: crate::expr::PlaneId,
+        /// What the plan was made for.
+        assumed: Fact,
+        /// What holds of the scene.
+        actual: Fact,
+    },
     /// A rectangle lies outside of the image.
     #[error("{rect:?} lies outside of an image of {width} x {height} pixels")]
     Outside {
@@ -182,7 +197,27 @@ pub trait Executable: Send + Sync {
     /// Filters the given rectangles of a scene: one [`Filtered`] per weight of
     /// the plan. Runs on the current rayon pool; the result does not depend on
     /// its number of threads.
+    ///
+    /// # Errors
+    /// If the scene lacks a plane that the plan's weights read; if the code relies on the
+    /// plan's [facts](Plan::facts) and they do not hold of the scene; if a rectangle lies
+    /// outside of it; if the device fails.
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
+}
+
+/// Checks that what a plan takes for granted holds of a scene.
+fn holds(plan: &Plan, scene: &Scene) -> Result<(), BackendError> {
+    for (plane, assumed) in plan.facts().iter() {
+        let actual = scene.fact(plane);
+        if actual == Fact::Absent {
+            return Err(BackendError::NotLoaded(plane));
+        }
+        if !assumed.covers(actual) {
+            let scene = scene.name().to_owned();
+            return Err(BackendError::Unlike { scene, plane, assumed, actual });
+        }
+    }
+    Ok(())
 }
 
 /// Checks that rectangles lie inside of the image.
@@ -198,4 +233,28 @@ fn inside(scene: &Scene, region: &[Rect]) -> Result<(), BackendError> {
 /// The noisy colour of a pixel.
 fn color_at(scene: &Scene, x: usize, y: usize) -> [f32; 3] {
     scene.color().each_ref().map(|channel| channel.at(x, y))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expr::interval::Interval;
+    use crate::expr::{Feature, PlaneId, Quantity};
+
+    #[test]
+    fn a_refusal_says_what_was_assumed_and_what_is() {
+        let plane =
+            PlaneId { feature: Feature::SecTexture, quantity: Quantity::Value, component: 0 };
+        let error = BackendError::Unlike {
+            scene: "showroom".to_owned(),
+            plane,
+            assumed: Fact::Constant(0.0),
+            actual: Fact::Range(Interval::new(0.0, 0.5)),
+        };
+        assert_eq!(
+            error.to_string(),
+            "the filter was compiled for scenes in which `secTexture[0]` is 0 everywhere, \
+             but in `showroom` it lies between 0 and 0.5; compile it for this scene"
+        );
+    }
 }

@@ -69,7 +69,8 @@ pub enum PlanError {
     },
 }
 
-/// Weights over a window, ready for any back end.
+/// Weights over a window, ready for any back end, for scenes of which its
+/// [facts](Plan::facts) hold.
 ///
 /// Promises: the tapes' results are finite for all feature values within the
 /// facts that the plan was made with; the pair tape reads planes at i and j,
@@ -78,6 +79,7 @@ pub enum PlanError {
 #[derive(Clone, Debug)]
 pub struct Plan {
     expressions: Vec<Tree>,
+    facts: Facts,
     window: Window,
     taps: Taps,
     tapes: Tapes,
@@ -109,6 +111,13 @@ impl Plan {
             Fact::Range(range) if passes.facts => range,
             Fact::Absent | Fact::Constant(_) | Fact::Range(_) => Interval::new(-LIMIT, LIMIT),
         };
+        // Also of planes that no tape reads in the end: they were left out because of
+        // what is known of them.
+        let read = weights.iter().flat_map(Tree::planes).map(|plane| match passes.facts {
+            true => (plane, facts.get(plane)),
+            false => (plane, Fact::Range(Interval::ENTIRE)),
+        });
+        let kept = Facts::from_planes(read);
         let precision = passes.precision;
         let expressions = weights.to_vec();
         let at = lower::Surroundings { range: &range, window, mirrored: false, precision };
@@ -144,12 +153,19 @@ impl Plan {
         let tapes = rate::split(&tape, passes.rate, false);
         let mirrored = both.map(|tape| rate::split(&tape, passes.rate, true));
         let mirrored = mirrored.filter(|mirrored| symmetry::pays(&tapes, mirrored));
-        Ok(Self { expressions, window, taps, tapes, mirrored, signed, converged: passes.converged })
+        let converged = passes.converged;
+        Ok(Self { expressions, facts: kept, window, taps, tapes, mirrored, signed, converged })
     }
 
     /// The weights as they were given, for whoever wants to know what they mean.
     pub fn expressions(&self) -> &[Tree] {
         &self.expressions
+    }
+
+    /// What the plan takes for granted of the planes that its weights read. Back ends
+    /// refuse scenes of which it does not hold: their results would be wrong.
+    pub fn facts(&self) -> &Facts {
+        &self.facts
     }
 
     /// Where j ranges.
@@ -210,7 +226,8 @@ impl Plan {
         self.converged
     }
 
-    /// The planes that the plan reads; what is not here need not be loaded.
+    /// The planes that are read at every pixel. Scenes must also have those that
+    /// [`facts`](Self::facts) made superfluous, so that it can be checked whether they are.
     pub fn planes(&self) -> BTreeSet<PlaneId> {
         self.tapes.planes()
     }

@@ -3,9 +3,11 @@
 //! The passes substitute these: a feature that is zero everywhere takes the
 //! terms that read it out of the expression, and a range drops guards that can
 //! never act. Machine code specialised to facts is right only for scenes they
-//! hold of, so facts of several scenes are joined to what holds of all.
+//! hold of, so facts of several scenes are joined to what holds of all, and a
+//! plan [keeps](crate::plan::Plan::facts) those that it was made with.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use super::Scene;
 use super::plane::{Plane, Samples};
@@ -47,12 +49,37 @@ impl Fact {
         }
     }
 
+    /// Whether this holds of a plane of which `actual` is known. Of an absent plane
+    /// nothing else holds.
+    pub fn covers(self, actual: Self) -> bool {
+        match (self, actual) {
+            (Self::Absent, Self::Absent) => true,
+            (Self::Absent, _) | (_, Self::Absent) => false,
+            (Self::Constant(_) | Self::Range(_), Self::Constant(_) | Self::Range(_)) => {
+                let (all, actual) = (self.interval(), actual.interval());
+                all.contains(actual.lo) && all.contains(actual.hi)
+            }
+        }
+    }
+
     /// The values that the plane can have; everything if it is absent.
     pub fn interval(self) -> Interval {
         match self {
             Self::Absent => Interval::ENTIRE,
             Self::Constant(value) => Interval::point(value),
             Self::Range(interval) => interval,
+        }
+    }
+}
+
+/// What follows a plane's name in a sentence.
+impl fmt::Display for Fact {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Absent => f.write_str("is absent"),
+            Self::Constant(value) => write!(f, "is {value} everywhere"),
+            Self::Range(Interval::ENTIRE) => f.write_str("may be anything"),
+            Self::Range(Interval { lo, hi }) => write!(f, "lies between {lo} and {hi}"),
         }
     }
 }
@@ -89,9 +116,9 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// The facts of a scene.
+    /// The facts of a scene. They were found when it was loaded.
     pub fn of(scene: &Scene) -> Self {
-        Self { planes: scene.planes().map(|(id, plane)| (id, Fact::of(plane))).collect() }
+        scene.facts.clone()
     }
 
     /// Facts stated outright; planes not named are absent.
@@ -140,6 +167,24 @@ impl Facts {
 mod tests {
     use super::*;
     use crate::expr::feature::{Feature, Quantity};
+
+    #[test]
+    fn a_fact_covers_what_is_as_it_says() {
+        let constant = Fact::Constant(0.5);
+        let range = |lo, hi| Fact::Range(Interval::new(lo, hi));
+        assert!(constant.covers(constant) && constant.covers(range(0.5, 0.5)));
+        assert!(Fact::Constant(0.0).covers(Fact::Constant(-0.0)));
+        assert!(!constant.covers(Fact::Constant(0.25)) && !constant.covers(range(0.0, 0.5)));
+        assert!(range(0.0, 1.0).covers(constant) && range(0.0, 1.0).covers(range(0.0, 1.0)));
+        assert!(
+            !range(0.0, 1.0).covers(range(0.0, 1.5)) && !range(0.0, 1.0).covers(range(-0.5, 1.0))
+        );
+        assert!(Fact::Range(Interval::ENTIRE).covers(range(-1e30, f32::INFINITY)));
+        // A NaN among the samples leaves no range.
+        assert!(!range(-LIMIT, LIMIT).covers(Fact::Range(Interval::ENTIRE)));
+        assert!(!Fact::Range(Interval::ENTIRE).covers(Fact::Absent));
+        assert!(!Fact::Absent.covers(constant) && Fact::Absent.covers(Fact::Absent));
+    }
 
     #[test]
     fn joining_keeps_what_both_say() {

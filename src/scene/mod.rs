@@ -78,6 +78,8 @@ pub struct Scene {
     color: [Samples; 3],
     ones: Samples,
     planes: BTreeMap<PlaneId, Plane>,
+    /// What is known of each of `planes`: found once, as every run of a plan asks.
+    facts: Facts,
     normalization: Normalization,
     notes: Vec<Note>,
     origin: Origin,
@@ -127,6 +129,11 @@ impl Scene {
     /// it was not needed.
     pub fn plane(&self, id: PlaneId) -> Option<&Plane> {
         self.planes.get(&id)
+    }
+
+    /// What is known of a plane.
+    pub fn fact(&self, id: PlaneId) -> Fact {
+        self.facts.get(id)
     }
 
     /// Every plane for weights.

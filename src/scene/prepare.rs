@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::defect::{self, Tally};
+use super::facts::{Fact, Facts};
 use super::normalize::{ColorScale, Normalization, depth_extent, exposure, geometry, hits};
 use super::note::Note;
 use super::plane::{Edge, Layout, Plane, Samples};
@@ -60,9 +61,11 @@ impl RawScene {
             .collect();
         let mut planes = BTreeMap::new();
         let mut notes = self.notes;
+        let mut facts = Vec::new();
         for mut made in made {
             planes.append(&mut made.planes);
             notes.extend(made.estimated.map(Note::EstimatedVariance));
+            facts.append(&mut made.facts);
         }
         Ok(Scene {
             name: self.name,
@@ -71,6 +74,7 @@ impl RawScene {
             ones,
             planes,
             normalization: scales,
+            facts: Facts::from_planes(facts),
             notes,
             origin: self.origin,
         })
@@ -197,9 +201,12 @@ impl Maker<'_> {
         }
         let normalized = self.normalized(feature);
         let mut add = |quantity, component: usize, samples: &[f32]| {
+    facts: Vec<(PlaneId, Fact)>,
             let id = PlaneId { feature, quantity, component: component as u8 };
             if needs.includes(id) {
-                made.planes.insert(id, Plane::new(self.layout, samples));
+                let plane = Plane::new(self.layout, samples);
+                made.facts.push((id, Fact::of(&plane)));
+                made.planes.insert(id, plane);
             }
         };
         for (k, samples) in normalized.iter().flatten().enumerate() {

@@ -4,12 +4,14 @@
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use tamis::backend::{Agreement, Backend, FAST_ACCURACY, Filtered, Interpreter, Rect, oracle};
+use tamis::backend::{
+    Agreement, Backend, BackendError, FAST_ACCURACY, Filtered, Interpreter, Rect, oracle,
+};
 use tamis::expr::grammar::{Limits, Vocabulary};
 use tamis::expr::tape::{Axis, Input, Side};
 use tamis::expr::{Feature, Op, Quantity, Symbol, Tree, codebook};
 use tamis::plan::{PASSES, Passes, Plan, Precision, Source, Stage, Window};
-use tamis::scene::facts::Facts;
+use tamis::scene::facts::{Fact, Facts};
 use tamis::scene::{LoadOptions, Needs, RawScene, Scene};
 
 use crate::fixture::{self, parse, scene};
@@ -45,6 +47,7 @@ cases! {
     windows_of_one_colour_keep_it
     passes_change_cost_not_meaning
     threads_do_not_matter
+    scenes_that_a_plan_is_not_made_for_are_refused
 }
 
 pub(crate) fn plan(weights: &[Tree], window: Window, scene: &Scene, passes: Passes) -> Plan {
@@ -361,7 +364,7 @@ fn decades(rng: &mut impl Rng, lo: f32, hi: f32) -> f32 {
     10f32.powf(rng.random_range(lo..=hi))
 }
 
-/// Weights from 1e-30 to 1e18 and colours from 1e-6 to 1e6, added up over windows of
+/// Weights from 1e-29 to 6e17 and colours from 1e-6 to 1e6, added up over windows of
 /// any size, in all signs that leave something: as far as `backend` promises, and on
 /// processors as far as the chain of additions allows.
 fn sums_far_from_one(backend: &dyn Backend) {
@@ -565,4 +568,67 @@ fn threads_do_not_matter(backend: &dyn Backend) {
     };
     let one = on(1);
     assert!(one == on(2) && one == on(5));
+}
+
+/// What a plan takes for granted is checked before a pixel is filtered, also where it
+/// took a plane out of the code.
+fn scenes_that_a_plan_is_not_made_for_are_refused(backend: &dyn Backend) {
+    let weight = parse("exp(-distance2(secTexture, secTexture) - distance2(normal, normal))");
+    let second = (Feature::SecTexture, Quantity::Value);
+    let with = |values: Option<f32>| {
+        let mut raw = fixture::raw(20, 9, 11);
+        match values {
+            Some(x) => raw.features.insert(second, vec![vec![x; 180]; 3]),
+            None => raw.features.remove(&second),
+        };
+        fixture::prepare(raw)
+    };
+    let (black, varied, absent) = (with(Some(0.0)), scene(20, 9, 11), with(None));
+    let run_on = |facts: &Facts, passes, scene: &Scene| {
+        let plan = Plan::new(std::slice::from_ref(&weight), Window::dense(2), facts, passes);
+        let code = backend.compile(&plan.expect("plans")).expect("compiles");
+        code.run(scene, &[Rect::whole(scene)])
+    };
+
+    let made = Facts::of(&black);
+    run_on(&made, Passes::ALL, &black).expect("it was made for this one");
+    let refused = |scene: &Scene, feature: Feature, assumed: Option<Fact>| {
+        let result = run_on(&made, Passes::ALL, scene);
+        if backend.name() == "exact" {
+            // It looks at the expressions alone, and takes nothing for granted.
+            let own = run_on(&Facts::of(scene), Passes::ALL, scene).expect("made for it");
+            assert_eq!(result.expect("right on any scene"), own);
+            return;
+        }
+        let error = result.expect_err("something else holds here");
+        let BackendError::Unlike { plane, assumed: stated, actual, .. } = &error else {
+            panic!("{error}")
+        };
+        assert_eq!(plane.feature, feature, "{error}");
+        assert_eq!((*stated, *actual), (made.get(*plane), scene.fact(*plane)));
+        assert!(assumed.is_none_or(|assumed| assumed == *stated), "{error}");
+    };
+    refused(&varied, Feature::SecTexture, Some(Fact::Constant(0.0)));
+    refused(&with(Some(0.5)), Feature::SecTexture, Some(Fact::Constant(0.0)));
+    let mut raw = fixture::raw(20, 9, 11);
+    raw.features.insert(second, vec![vec![0.0; 180]; 3]);
+    raw.features.get_mut(&(Feature::Normal, Quantity::Value)).expect("it has normals")[1][77] = 9.0;
+    refused(&fixture::prepare(raw), Feature::Normal, None);
+    let error = run_on(&made, Passes::ALL, &absent).expect_err("a plane is not there");
+    assert!(matches!(error, BackendError::NotLoaded(id) if id.feature == Feature::SecTexture));
+
+    // What is made for several scenes, or takes nothing for granted, runs on each.
+    let joint = Facts::of_all([&black, &varied]);
+    for scene in [&black, &varied] {
+        let alone = run_on(&Facts::of(scene), Passes::ALL, scene).expect("made for it");
+        let without_facts = Passes { facts: false, ..Passes::ALL };
+        for (facts, passes) in [(&joint, Passes::ALL), (&made, without_facts)] {
+            let got = run_on(facts, passes, scene).expect("it holds of both");
+            let pixels = |all: &[Filtered]| -> Vec<[f32; 3]> { all[0].pixels.clone() };
+            for (got, alone) in pixels(&got).iter().flatten().zip(pixels(&alone).iter().flatten()) {
+                let difference = f64::from((got - alone).abs());
+                assert!(difference <= 2.0 * accuracy(backend) * f64::from(*alone));
+            }
+        }
+    }
 }

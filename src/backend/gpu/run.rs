@@ -9,7 +9,7 @@ use super::slots::{Lease, Needs, SLOTS, TIMESTAMPS};
 use super::tiles::{Tile, tiles};
 use super::{GpuError, Opened};
 use crate::backend::shader::{Loads, Shader};
-use crate::backend::{BackendError, Executable, Filtered, Rect, inside};
+use crate::backend::{BackendError, Executable, Filtered, Rect, holds, inside};
 use crate::plan::Plan;
 use crate::scene::Scene;
 
@@ -41,6 +41,7 @@ struct Pending<'a> {
 
 impl Executable for Compiled {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+        holds(&self.plan, scene)?;
         inside(scene, region)?;
         let inputs = Inputs::of(scene, &self.shader, self.loads)?;
         let tiles = self.tiles(scene, region)?;
