@@ -127,7 +127,7 @@ fn training(radius: u32) -> Vec<TrainingScene> {
         let folder = root.join(name);
         let (options, pad) = (LoadOptions::default(), radius as usize);
         let noisy = Scene::load(&folder.join("4spp.exr"), &Needs::everything(), pad, &options);
-        let reference = Image::load(&folder.join("reference.exr"));
+        let reference = Image::load_reference(&folder.join("reference.exr"));
         TrainingScene::new(noisy.expect("ours"), reference.expect("ours")).expect("of one size")
     };
     SCENES.map(load).into()

@@ -123,7 +123,7 @@ fn table(arguments: &Arguments, filters: &[Tree], scenes: &[SceneFiles]) -> Tabl
         rows.extend(scenes.iter().map(|scene| (name, scene.name.as_str(), Vec::new())));
     }
     for scene in scenes {
-        let reference = Image::load(&scene.reference).expect("a reference");
+        let reference = Image::load_reference(&scene.reference).expect("a reference");
         for filter in filters {
             let passes = passes(arguments, scene, &reference, filter);
             let all = passes.into_iter().chain([liveness(arguments, scene, &reference, filter)]);

@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let files = tamis::scene::discover(&[folder])?;
     let SceneFiles { noisy, reference, .. } = files.first().ok_or("no scene")?;
     let raw = RawScene::read(noisy, &Needs::everything(), &LoadOptions::default())?;
-    let reference = Image::load(reference)?;
+    let reference = Image::load_reference(reference)?;
 
     let filter = Filter::read(Path::new(FILTER))?;
     let [stage] = filter.stages.as_slice() else { return Err("a filter of one stage".into()) };

@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = LoadOptions { color_scale, ..LoadOptions::default() };
     let load = |noisy, reference| -> Result<TrainingScene, Box<dyn Error>> {
         let scene = Scene::load(noisy, &Needs::everything(), RADIUS as usize, &options)?;
-        Ok(TrainingScene::new(scene, Image::load(reference)?)?)
+        Ok(TrainingScene::new(scene, Image::load_reference(reference)?)?)
     };
     let files = discover(&["data/train"])?;
     let scenes: Result<Vec<_>, _> = files.iter().map(|f| load(&f.noisy, &f.reference)).collect();

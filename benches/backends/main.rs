@@ -300,7 +300,7 @@ impl Setting {
         let load = |files: &SceneFiles| {
             let options = LoadOptions::default();
             let scene = Scene::load(&files.noisy, &Needs::everything(), pad, &options);
-            let reference = Image::load(&files.reference).expect("its reference");
+            let reference = Image::load_reference(&files.reference).expect("its reference");
             TrainingScene::new(scene.expect("the project's own scene"), reference)
                 .expect("the same size")
         };

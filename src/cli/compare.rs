@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use serde::Serialize;
 
 use super::error::Error;
 use crate::report::score::{MetricsJson, json};
 use crate::report::{Align, Format, Table, number};
-use crate::scene::{Image, Metrics};
+use crate::scene::{Comparison, Image};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -18,7 +19,10 @@ RelMSE is the mean over pixels and channels of (image - reference)² /
 (reference² + 0.01); trimmed, the worst 0.1% of the pixels are left out, as a
 handful of pixels at the edges of visible lights decides the plain mean. PSNR is
 that of the images clamped to [0, 1] under the sRGB curve. In JSON, infinite
-figures are null.";
+figures are null.
+
+Pixels of the reference that are not finite are left out, and counted. Pixels of
+the image that are not finite make its errors infinite, and are counted too.";
 
 /// Measure how far an image is from its reference.
 #[derive(Debug, Args)]
@@ -41,15 +45,30 @@ impl Compare {
     pub(super) fn run(&self) -> Result<String, Error> {
         let image = Image::load(&self.image)?;
         let reference = Image::load(&self.reference)?;
-        let metrics = Metrics::of(&image, &reference)?;
+        let Comparison { metrics, left_out, bad } = Comparison::of(&image, &reference)?;
         if self.json {
-            return Ok(json(&MetricsJson::of(&metrics)));
+            let metrics = MetricsJson::of(&metrics);
+            return Ok(json(&ComparisonJson { metrics, left_out, not_finite: bad }));
         }
         let mut table = Table::new([("measure", Align::Left), ("value", Align::Right)]);
         table.row(["RelMSE".to_owned(), number::error(metrics.rel_mse)]);
         table.row(["RelMSE, trimmed".to_owned(), number::error(metrics.trimmed_rel_mse)]);
         table.row(["MSE".to_owned(), number::error(metrics.mse)]);
         table.row(["PSNR".to_owned(), number::decibels(metrics.psnr)]);
+        for (measure, pixels) in [("pixels left out", left_out), ("pixels not finite", bad)] {
+            if pixels > 0 {
+                table.row([measure.to_owned(), pixels.to_string()]);
+            }
+        }
         Ok(table.render(Format::Plain))
     }
+}
+
+/// The errors and what they leave out, as JSON spells them.
+#[derive(Serialize)]
+struct ComparisonJson {
+    #[serde(flatten)]
+    metrics: MetricsJson,
+    left_out: usize,
+    not_finite: usize,
 }

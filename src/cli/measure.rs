@@ -46,7 +46,7 @@ impl<'a> Measuring<'a> {
         let mut scores = Vec::with_capacity(scenes.len());
         for files in scenes {
             let scene = self.load(files, filters)?;
-            let reference = Image::load(&files.reference)?;
+            let reference = Image::load_reference(&files.reference)?;
             for note in scene.notes() {
                 log.say(format_args!("{}: {note}", files.noisy.display()));
             }

@@ -93,7 +93,7 @@ impl Sheet {
         };
         let measuring = Measuring::with(&self.running, &*backend);
         let scene = measuring.load(files, &filters)?;
-        let reference = Image::load(&files.reference)?;
+        let reference = Image::load_reference(&files.reference)?;
         let noisy = scene.noisy();
         self.check_crop(noisy.size())?;
         let panel = |title: &str, image: &Image| -> Result<Panel, Error> {

@@ -139,6 +139,23 @@ pub enum SceneError {
         /// Where the first one is.
         first: (usize, usize),
     },
+    /// Pixels of a reference that are no numbers.
+    #[error(
+        "{image}: channel \"{channel}\" has {count} pixel(s) that are not finite or beyond \
+         ±1e18, the first at x = {}, y = {}; nothing can be measured against them: \
+         render the reference again",
+        first.0, first.1
+    )]
+    BadReference {
+        /// What errors call the image.
+        image: String,
+        /// The channel's full name.
+        channel: String,
+        /// How many.
+        count: usize,
+        /// Where the first one is.
+        first: (usize, usize),
+    },
     /// A folder that is not a scene.
     #[error(
         "{path}: not a scene folder: there is no {missing} in it \

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::SceneError;
 use super::exr::{Attributes, Header, read_channels, write_rgb};
 use super::mapping::Mapping;
+use super::repair;
 
 /// An RGB image, linear, row by row without padding.
 #[derive(Clone, Debug)]
@@ -12,6 +13,8 @@ pub struct Image {
     name: String,
     size: (usize, usize),
     rgb: [Vec<f32>; 3],
+    /// What the file calls the channels.
+    channels: [String; 3],
     attributes: Option<Attributes>,
 }
 
@@ -20,7 +23,13 @@ impl Image {
     /// unless every channel has one sample per pixel.
     pub fn new(name: &str, width: usize, height: usize, rgb: [Vec<f32>; 3]) -> Option<Self> {
         let fits = rgb.iter().all(|channel| channel.len() == width * height);
-        fits.then(|| Self { name: name.to_owned(), size: (width, height), rgb, attributes: None })
+        fits.then(|| Self {
+            name: name.to_owned(),
+            size: (width, height),
+            rgb,
+            channels: ["R", "G", "B"].map(str::to_owned),
+            attributes: None,
+        })
     }
 
     /// Reads the colour of a file (bare `R G B` or what its renderer calls the
@@ -42,8 +51,40 @@ impl Image {
             name: path.display().to_string(),
             size: (pixels.width, pixels.height),
             rgb,
+            channels: std::array::from_fn(|k| names[k].clone()),
             attributes: Some(pixels.attributes),
         })
+    }
+
+    /// Reads an image that others are to be measured against, as [`load`](Self::load)
+    /// does.
+    ///
+    /// # Errors
+    /// Those of [`load`](Self::load), and of [`check_reference`](Self::check_reference).
+    pub fn load_reference(path: &Path) -> Result<Self, SceneError> {
+        let image = Self::load(path)?;
+        image.check_reference()?;
+        Ok(image)
+    }
+
+    /// Checks that other images can be measured against this one: a single pixel that is
+    /// no number would make the error of each of them infinite, so that none is better
+    /// than another. Nothing is repaired, as a made-up value is no truth.
+    ///
+    /// # Errors
+    /// If a sample is not finite or beyond ±1e18.
+    pub fn check_reference(&self) -> Result<(), SceneError> {
+        for (channel, samples) in self.channels.iter().zip(&self.rgb) {
+            if let Some(bad) = repair::find(samples) {
+                return Err(SceneError::BadReference {
+                    image: self.name.clone(),
+                    channel: channel.clone(),
+                    count: bad.count,
+                    first: (bad.first[0] % self.size.0, bad.first[0] / self.size.0),
+                });
+            }
+        }
+        Ok(())
     }
 
     /// Writes the image as an OpenEXR file, with the attributes it was read with.

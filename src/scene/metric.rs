@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use super::SceneError;
 use super::image::Image;
+use super::repair::is_good;
 
 /// The share of pixels that the trimmed error leaves out.
 const TRIMMED: f64 = 0.001;
@@ -94,14 +95,7 @@ impl Metrics {
     /// # Errors
     /// If the images differ in size.
     pub fn of(image: &Image, reference: &Image) -> Result<Self, SceneError> {
-        if image.size() != reference.size() {
-            return Err(SceneError::SizeMismatch {
-                image: image.name().to_owned(),
-                size: image.size(),
-                reference: reference.name().to_owned(),
-                reference_size: reference.size(),
-            });
-        }
+        check_sizes(image, reference)?;
         let (image, reference) = (image.rgb(), reference.rgb());
         let mut errors = pixel_errors(image, reference, relative);
         Ok(Self {
@@ -111,6 +105,59 @@ impl Metrics {
             psnr: psnr(image, reference),
         })
     }
+}
+
+/// What comparing an image with a reference that may have holes gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Comparison {
+    /// The errors over the pixels that the reference has.
+    pub metrics: Metrics,
+    /// Pixels of the reference that are not finite or beyond ±1e18: they were left out.
+    pub left_out: usize,
+    /// Pixels of the image that are, of those that count. They were not left out.
+    pub bad: usize,
+}
+
+impl Comparison {
+    /// Compares an image with the pixels of its reference that are numbers.
+    ///
+    /// # Errors
+    /// If the images differ in size, or the reference has no such pixel.
+    pub fn of(image: &Image, reference: &Image) -> Result<Self, SceneError> {
+        check_sizes(image, reference)?;
+        let is_sound = |image: &Image, k: usize| image.rgb().iter().all(|rgb| is_good(rgb[k]));
+        let pixels = reference.rgb()[0].len();
+        let kept: Vec<usize> = (0..pixels).filter(|&k| is_sound(reference, k)).collect();
+        let left_out = pixels - kept.len();
+        if kept.is_empty() {
+            // An image that is compared with nothing would look perfect.
+            reference.check_reference()?;
+        }
+        let metrics = match left_out {
+            0 => Metrics::of(image, reference)?,
+            _ => Metrics::of(&only(image, &kept), &only(reference, &kept))?,
+        };
+        let bad = kept.iter().filter(|&&k| !is_sound(image, k)).count();
+        Ok(Self { metrics, left_out, bad })
+    }
+}
+
+fn check_sizes(image: &Image, reference: &Image) -> Result<(), SceneError> {
+    match image.size() == reference.size() {
+        true => Ok(()),
+        false => Err(SceneError::SizeMismatch {
+            image: image.name().to_owned(),
+            size: image.size(),
+            reference: reference.name().to_owned(),
+            reference_size: reference.size(),
+        }),
+    }
+}
+
+/// Some of an image's pixels, in one row: no measure asks where pixels stand.
+fn only(image: &Image, pixels: &[usize]) -> Image {
+    let rgb = image.rgb().map(|channel| pixels.iter().map(|&k| channel[k]).collect());
+    Image::new(image.name(), pixels.len(), 1, rgb).expect("one sample per pixel")
 }
 
 /// The relative mean square error of three channels.
@@ -227,6 +274,34 @@ mod tests {
             assert_eq!((m.rel_mse, m.mse), (f64::INFINITY, f64::INFINITY));
             assert!(!m.psnr.is_nan());
         }
+    }
+
+    #[test]
+    fn pixels_that_the_reference_lacks_are_left_out_and_counted() {
+        let hole = |at: &[usize]| {
+            let at = at.to_vec();
+            grey(3, 2, move |k| if at.contains(&k) { f32::NAN } else { k as f32 })
+        };
+        let (whole, image) = (hole(&[]), grey(3, 2, |k| k as f32 + 0.5));
+        let plain = Comparison::of(&image, &whole).expect("same size");
+        assert_eq!(plain.metrics, Metrics::of(&image, &whole).expect("same size"));
+        assert_eq!((plain.left_out, plain.bad), (0, 0));
+
+        let two = Comparison::of(&image, &hole(&[0, 4])).expect("four pixels are left");
+        let expected =
+            [1.0, 2.0, 3.0, 5.0].map(|y| 0.25 / (y * y + 0.01)).iter().sum::<f64>() / 4.0;
+        assert!((two.metrics.rel_mse - expected).abs() < 1e-12);
+        assert_eq!((two.left_out, two.bad), (2, 0));
+
+        // The image's own are its fault.
+        let bad = Comparison::of(&hole(&[0, 2]), &hole(&[0, 4])).expect("four pixels are left");
+        assert_eq!((bad.left_out, bad.bad), (2, 1));
+        assert_eq!(bad.metrics.rel_mse, f64::INFINITY);
+
+        let nothing = grey(3, 2, |_| f32::INFINITY);
+        assert!(matches!(Comparison::of(&image, &nothing), Err(SceneError::BadReference { .. })));
+        let other = Comparison::of(&grey(2, 3, |_| 0.0), &nothing);
+        assert!(matches!(other, Err(SceneError::SizeMismatch { .. })));
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub use exr::Attributes;
 pub use facts::{Fact, Facts};
 pub use folder::{NOISY, REFERENCE, SceneFiles, discover, scene_name};
 pub use image::Image;
-pub use metric::Metrics;
+pub use metric::{Comparison, Metrics};
 pub use needs::Needs;
 pub use normalize::{ColorScale, Normalization};
 pub use note::Note;

@@ -12,7 +12,7 @@ use std::process::Stdio;
 
 #[cfg(debug_assertions)]
 use place::write_b44;
-use place::{EDGE_AWARE, NOISY, Place, WIDTH, json, stderr, write_exr};
+use place::{CLEAN, EDGE_AWARE, NOISY, Place, WIDTH, json, stderr, write_exr};
 use serde_json::Value;
 use tamis::scene::Image;
 
@@ -28,6 +28,36 @@ fn a_filtered_image_is_nearer_to_its_reference() {
     assert!(clean["psnr_db"].as_f64() > noisy["psnr_db"].as_f64());
     let same = place.done(&["compare", "out.exr", "out.exr"]);
     assert!(same.contains("inf dB"), "{same}");
+}
+
+/// Nothing can be searched or scored with a reference that has holes, as every error
+/// would be infinite; `compare` leaves the holes out, and says how many they are.
+#[test]
+fn a_reference_with_pixels_that_are_no_numbers_is_refused_or_counted() {
+    let place = Place::new();
+    let mut clean = CLEAN;
+    clean[1].1 = |x, y| match (x, y) {
+        (7, 3) => f32::NAN,
+        (2, 5) => f32::INFINITY,
+        _ => CLEAN[1].1(x, y),
+    };
+    write_exr(&place.path("room/reference.exr"), &clean);
+    let named = ["room/reference.exr", "\"G\"", "2 pixel(s)", "x = 7, y = 3"];
+    place.fails(1, &["evolve", "--scenes", "room", "--generations", "0"], &named);
+    place.fails(1, &["score", "--scenes", "room", "--filters", "bilateral"], &named);
+    place.fails(1, &["bench", "--scenes", "room", "--filters", "bilateral"], &named);
+    place.fails(1, &["sheet", "room", "-o", "no.png", "--filters", "bilateral"], &named);
+
+    let compare = ["compare", "room/4spp.exr", "room/reference.exr"];
+    let text = place.done(&compare);
+    assert!(text.contains("pixels left out") && !text.contains("pixels not finite"), "{text}");
+    let values = json(&place.done(&[&compare[..], &["--json"]].concat()));
+    assert_eq!(values["left_out"].as_u64(), Some(2), "{values}");
+    assert!(values["rel_mse"].as_f64().is_some_and(|error| error > 0.0), "{values}");
+
+    // Those of the image are its fault.
+    let text = place.done(&["compare", "room/reference.exr", "room/4spp.exr"]);
+    assert!(text.contains("pixels not finite") && text.contains("inf"), "{text}");
 }
 
 #[test]

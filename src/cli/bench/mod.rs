@@ -142,7 +142,7 @@ impl Bench {
             log.say(format_args!("{}: {} rounds", files.name, self.rounds));
             let scene = Scene::load(&files.noisy, &all, pad, &LoadOptions::default())?;
             let facts = Facts::of(&scene);
-            let reference = Image::load(&files.reference)?;
+            let reference = Image::load_reference(&files.reference)?;
             contest.run(&Course { scene, facts, reference })?;
         }
         let (grounds, entries) = contest.finish();

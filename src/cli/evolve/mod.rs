@@ -273,7 +273,7 @@ fn load(files: &[SceneFiles], settings: &Settings, log: Log) -> Result<Vec<Train
         for note in noisy.notes() {
             log.say(format_args!("{}: {note}", scene.noisy.display()));
         }
-        training.push(TrainingScene::new(noisy, Image::load(&scene.reference)?)?);
+        training.push(TrainingScene::new(noisy, Image::load_reference(&scene.reference)?)?);
     }
     Ok(training)
 }

@@ -39,8 +39,9 @@ impl TrainingScene {
     /// Pairs a scene with its reference.
     ///
     /// # Errors
-    /// If the two differ in size.
+    /// If the two differ in size, or the reference holds what is no number.
     pub fn new(scene: Scene, reference: Image) -> Result<Self, SceneError> {
+        reference.check_reference()?;
         // Comparing the noisy image with the reference is the check, and says
         // which is which if it fails.
         metric::Metrics::of(&scene.noisy(), &reference)?;

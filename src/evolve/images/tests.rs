@@ -25,7 +25,7 @@ fn scenes() -> Vec<TrainingScene> {
         let options = LoadOptions::default();
         let noisy =
             Scene::load(&folder.join("4spp.exr"), &Needs::everything(), RADIUS as usize, &options);
-        let reference = Image::load(&folder.join("reference.exr"));
+        let reference = Image::load_reference(&folder.join("reference.exr"));
         TrainingScene::new(noisy.unwrap(), reference.unwrap()).unwrap()
     };
     ["study", "meadow"].map(load).into()
