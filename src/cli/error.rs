@@ -2,6 +2,7 @@
 
 use std::io;
 use std::num::NonZeroUsize;
+use std::path::PathBuf;
 
 use crate::backend::BackendError;
 use crate::evolve;
@@ -34,6 +35,19 @@ pub(super) enum Error {
     /// The search.
     #[error(transparent)]
     Search(#[from] evolve::Error),
+    /// The search failed on the way, and can go on later.
+    #[error(
+        "the search stopped, as expressions could not be judged: {source}; what was judged \
+         before is in {checkpoint}: `tamis evolve --resume` with the same --scenes and --out \
+         goes on from there",
+        checkpoint = checkpoint.display()
+    )]
+    Interrupted {
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+        /// Where it stands.
+        checkpoint: PathBuf,
+    },
     /// A filter and a scene do not go together.
     #[error("{scene}: filter `{filter}` cannot be applied: {source}")]
     Plan {
@@ -165,6 +179,7 @@ impl Error {
             | Self::NoSuchScenes { .. }
             | Self::FilterFile(_)
             | Self::Search(_)
+            | Self::Interrupted { .. }
             | Self::Plan { .. }
             | Self::Run { .. }
             | Self::NoMachineCode { .. }

@@ -1,7 +1,7 @@
 //! Why a search cannot go on.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::expr::text::TextError;
 use crate::scene::SceneError;
@@ -22,9 +22,15 @@ pub enum Error {
     /// The initial expression is none.
     #[error("setting `initial` is neither a filter's name nor an expression")]
     Initial(#[source] TextError),
-    /// The fitness failed.
-    #[error("the expressions could not be evaluated")]
-    Fitness(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// The fitness failed, for a reason that has nothing to do with the expressions.
+    #[error("the search stopped, as expressions could not be judged: {source}")]
+    Fitness {
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+        /// What the search can be resumed from; none if no checkpoint was asked for, or
+        /// it could not be written.
+        checkpoint: Option<PathBuf>,
+    },
     /// A file cannot be read.
     #[error("cannot read {}", path.display())]
     Read {
@@ -68,4 +74,21 @@ pub enum Error {
         /// What it is to be resumed with.
         given: String,
     },
+}
+
+impl Error {
+    /// What an error of the fitness stops a search with.
+    pub(super) fn fitness(error: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self::Fitness { source: Box::new(error), checkpoint: None }
+    }
+
+    /// The same error, saying which checkpoint the search can be resumed from.
+    pub(super) fn resumable(self, path: Option<&Path>) -> Self {
+        match self {
+            Self::Fitness { source, .. } => {
+                Self::Fitness { source, checkpoint: path.map(Path::to_owned) }
+            }
+            other => other,
+        }
+    }
 }

@@ -14,7 +14,9 @@ pub trait Fitness: Sync {
     /// subset of the training data, but must be a function of the expression
     /// alone: the search remembers values, and never asks twice.
     ///
-    /// A value is never NaN; `+inf` says that an expression is good for nothing.
+    /// A value is never NaN; `+inf` says that an expression is good for nothing, and is
+    /// remembered like any other. What fails for reasons of the moment (no memory, a lost
+    /// device) is an error instead: the search stops, and can be resumed.
     fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error>;
 
     /// Judges expressions by everything there is. The finalists are chosen by

@@ -86,7 +86,7 @@ pub use control::{Checkpoints, Control, Ending};
 pub use error::Error;
 pub use event::Event;
 pub use fitness::Fitness;
-pub use images::{Coverage, ImageFitness, Restriction, TrainingScene};
+pub use images::{Coverage, ImageFitness, JudgeError, Restriction, TrainingScene};
 pub use individual::Individual;
 pub use race::{Bar, Entrant, Ruling, Verdict, Work};
 pub use search::{Finalist, Outcome, Search};

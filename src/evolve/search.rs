@@ -1,5 +1,7 @@
 //! The search itself: generation after generation, on all islands at once.
 
+use std::path::Path;
+
 use rayon::prelude::*;
 
 use super::breeding::{Child, Place, initial, offspring};
@@ -110,6 +112,10 @@ impl<'a, F: Fitness> Search<'a, F> {
     /// judges the finalists in full either way. At least one batch is judged,
     /// so that there always is a best so far.
     ///
+    /// # Errors
+    /// If a checkpoint cannot be written, or the fitness fails. In the latter case the
+    /// checkpoint that `control` asks for is written first, and the error names it.
+    ///
     /// # Panics
     /// If the fitness breaks its contract: a NaN, or a wrong number of values.
     pub fn run(
@@ -118,12 +124,16 @@ impl<'a, F: Fitness> Search<'a, F> {
         listener: &mut dyn FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
         let watch = Watch::start(control);
-        let ending = self.breed(&watch, control, listener)?;
-        if let Some(checkpoints) = &control.checkpoints {
-            self.checkpoint().write(&checkpoints.path)?;
-        }
-        let mut finalists = self.finals(listener)?;
-        let winner = self.winner(&mut finalists, listener)?;
+        let bred = self.breed(&watch, control, listener);
+        let written = self.save(control);
+        let path = written.as_ref().ok().copied().flatten();
+        let ending = bred.map_err(|error| error.resumable(path))?;
+        written?;
+        let judged = self.finals(listener).and_then(|mut finalists| {
+            let winner = self.winner(&mut finalists, listener)?;
+            Ok((finalists, winner))
+        });
+        let (finalists, winner) = judged.map_err(|error| error.resumable(path))?;
         Ok(Outcome {
             finalists,
             winner,
@@ -135,6 +145,13 @@ impl<'a, F: Fitness> Search<'a, F> {
             work: self.state.work,
             ending,
         })
+    }
+
+    /// Writes the checkpoint that is asked for, if one is, and says where.
+    fn save<'c>(&self, control: &'c Control) -> Result<Option<&'c Path>, Error> {
+        let Some(checkpoints) = &control.checkpoints else { return Ok(None) };
+        self.checkpoint().write(&checkpoints.path)?;
+        Ok(Some(&checkpoints.path))
     }
 
     /// Forms generations until there is a reason to end.
@@ -165,7 +182,7 @@ impl<'a, F: Fitness> Search<'a, F> {
                 && checkpoints.interval > 0
                 && self.state.next.is_multiple_of(checkpoints.interval)
             {
-                self.checkpoint().write(&checkpoints.path)?;
+                self.save(control)?;
             }
         }
         Ok(Ending::Finished)
@@ -240,8 +257,7 @@ impl<'a, F: Fitness> Search<'a, F> {
     /// Has newcomers judged, and holds the fitness to its contract.
     fn race(&self, newcomers: &[Newcomer<'_>]) -> Result<Vec<Ruling>, Error> {
         let entrants: Vec<Entrant<'_>> = newcomers.iter().map(Newcomer::entrant).collect();
-        let rulings =
-            self.fitness.race(&entrants).map_err(|error| Error::Fitness(Box::new(error)))?;
+        let rulings = self.fitness.race(&entrants).map_err(Error::fitness)?;
         assert_eq!(rulings.len(), entrants.len(), "a race ends with one ruling per entrant");
         for (Entrant { tree, bar }, ruling) in entrants.iter().zip(&rulings) {
             let value = ruling.verdict.value();
@@ -315,11 +331,11 @@ impl<'a, F: Fitness> Search<'a, F> {
         let mut closest = (0, f64::INFINITY);
         for (rank, finalist) in finalists.iter_mut().enumerate() {
             listener(Event::Comparison { rank });
-            let failed = |error| Error::Fitness(Box::new(error));
-            let difference = self.fitness.difference(&finalist.tree).map_err(failed)?;
+            let difference = self.fitness.difference(&finalist.tree).map_err(Error::fitness)?;
             finalist.difference = Some(difference);
             if difference <= self.fitness.tolerance() {
-                finalist.objection = self.fitness.objection(&finalist.tree).map_err(failed)?;
+                finalist.objection =
+                    self.fitness.objection(&finalist.tree).map_err(Error::fitness)?;
                 if finalist.objection.is_none() {
                     return Ok(rank);
                 }
@@ -343,7 +359,7 @@ fn contract<E>(trees: &[Tree], values: Result<Vec<f64>, E>) -> Result<Vec<f64>, 
 where
     E: std::error::Error + Send + Sync + 'static,
 {
-    let values = values.map_err(|error| Error::Fitness(Box::new(error)))?;
+    let values = values.map_err(Error::fitness)?;
     assert_eq!(values.len(), trees.len(), "a fitness gives one value per expression");
     for (tree, value) in trees.iter().zip(&values) {
         assert!(!value.is_nan(), "a fitness is never NaN, but was for {tree}");

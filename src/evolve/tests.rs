@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::convert::Infallible;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -461,4 +461,79 @@ fn the_listener_hears_of_every_generation() {
         .unwrap();
     assert_eq!(generations, (0..=12).collect::<Vec<u32>>());
     assert_eq!(finals, small().finalists);
+}
+
+/// Fails once so many expressions were judged.
+struct Mortal {
+    within: Regression,
+    left: AtomicUsize,
+    finals: bool,
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("the device was lost")]
+struct Lost;
+
+impl Mortal {
+    fn new(left: usize, finals: bool) -> Self {
+        Self { within: Regression::new(), left: AtomicUsize::new(left), finals }
+    }
+}
+
+impl Fitness for Mortal {
+    type Error = Lost;
+
+    fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Lost> {
+        let left = self.left.load(Ordering::Relaxed).checked_sub(trees.len()).ok_or(Lost)?;
+        self.left.store(left, Ordering::Relaxed);
+        let Ok(values) = self.within.evaluate(trees);
+        Ok(values)
+    }
+
+    fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Lost> {
+        let Ok(values) = self.within.evaluate_full(trees);
+        if self.finals { Ok(values) } else { Err(Lost) }
+    }
+
+    fn work(&self) -> u64 {
+        self.within.work()
+    }
+
+    fn identity(&self) -> String {
+        self.within.identity()
+    }
+}
+
+/// In the first batch, between two generations, within one, and among the finalists.
+#[test]
+fn a_search_whose_fitness_fails_stops_and_can_be_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.json");
+    let expected = search(&thorough(), &Patient(Regression::new()));
+    let always = expected.evaluations;
+    for (left, finals) in [(0, true), (5, true), (60, true), (always / 2, true), (always, false)] {
+        let fitness = Mortal::new(left, finals);
+        let checkpoints = Some(Checkpoints { path: path.clone(), interval: 0 });
+        let control = Control { checkpoints, ..Control::default() };
+        let mut started = Search::new(thorough(), &fitness).unwrap();
+        let error = started.run(&control, &mut |_| {}).unwrap_err();
+        let Error::Fitness { source, checkpoint } = &error else { panic!("{error}") };
+        assert_eq!(source.to_string(), "the device was lost");
+        assert_eq!(checkpoint.as_deref(), Some(&*path));
+
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(!text.contains("inf"), "after {left} a failure is remembered as a value");
+        let sound = Mortal::new(usize::MAX, true);
+        let mut resumed = Search::resume(Checkpoint::read(&path).unwrap(), &sound).unwrap();
+        assert_eq!(resumed.run(&Control::default(), &mut |_| {}).unwrap(), expected, "{left}");
+        let before = fitness.within.asked.lock().unwrap().len();
+        let after = sound.within.asked.lock().unwrap().len();
+        assert_eq!(before + after, always, "what was judged before {left} is judged again");
+    }
+
+    // Without a place for a checkpoint there is nothing to resume from.
+    let fitness = Mortal::new(5, true);
+    let mut started = Search::new(thorough(), &fitness).unwrap();
+    let error = started.run(&Control::default(), &mut |_| {}).unwrap_err();
+    assert!(matches!(error, Error::Fitness { checkpoint: None, .. }));
 }

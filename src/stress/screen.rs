@@ -77,9 +77,21 @@ impl<'a> Screen<'a> {
 
     /// Whether the last bits of its features change a filter's results by more than
     /// [`ULP`] allows, its results are further from exact than [`INACCURACY`] allows in
-    /// rendered scenes, or it cannot be run.
-    pub fn refuses(&self, tree: &Tree) -> bool {
-        self.pairs.iter().any(|pair| pair.tells(self, tree).unwrap_or(true))
+    /// rendered scenes, or it cannot be planned.
+    ///
+    /// # Errors
+    /// If the back end fails, which says nothing of the filter.
+    pub fn refuses(&self, tree: &Tree) -> Result<bool, StressError> {
+        for pair in &self.pairs {
+            match pair.tells(self, tree) {
+                Ok(false) => {}
+                Ok(true) | Err(StressError::Plan { .. }) => return Ok(true),
+                Err(error @ (StressError::Scene(_) | StressError::Run { .. })) => {
+                    return Err(error);
+                }
+            }
+        }
+        Ok(false)
     }
 }
 

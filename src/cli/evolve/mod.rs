@@ -20,7 +20,7 @@ use super::measure::Measuring;
 use super::{resolve, scenes};
 use crate::backend::Backend;
 use crate::evolve::{
-    Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Preset,
+    self, Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Preset,
     Restriction, Search, Settings, TrainingScene, history,
 };
 use crate::expr::{Feature, PlaneId, Tree, codebook};
@@ -214,7 +214,12 @@ impl Evolve {
         let mut progress = Progress::new(log, settings.generations, time_limit);
         let outcome = search.run(&control, &mut |event| progress.hear(event));
         progress.finish();
-        Ok(outcome?)
+        outcome.map_err(|error| match error {
+            evolve::Error::Fitness { source, checkpoint: Some(checkpoint) } => {
+                Error::Interrupted { source, checkpoint }
+            }
+            other => other.into(),
+        })
     }
 
     /// Measures and writes what was found.
@@ -297,14 +302,12 @@ fn stable_only<'a>(
             backend: Ok(backend),
             precision: Precision::Standard,
         };
-        match certify("finalist", &stage, &grounds, &[engine], SEED) {
-            Ok(certificate) => certificate.objection().map(str::to_owned),
-            Err(error) => Some(error.to_string()),
-        }
+        let certificate = certify("finalist", &stage, &grounds, &[engine], SEED)?;
+        Ok(certificate.objection().map(str::to_owned))
     };
     Ok(Restriction {
         name: "stable only",
-        refuses: Box::new(move |tree| screen.refuses(tree)),
+        refuses: Box::new(move |tree| Ok(screen.refuses(tree)?)),
         objection: Box::new(objection),
     })
 }

@@ -65,14 +65,18 @@ impl Batching<'_> {
 
     /// Runs every tree on every sample and measures what comes out: per tree,
     /// what `measure` makes of the pixels of each sample, by its number. `None`
-    /// for a tree that cannot be planned, compiled or run.
+    /// for a tree that cannot be planned, which is a property of the tree.
+    ///
+    /// # Errors
+    /// If the back end fails with a tree alone. That says nothing of the tree: memory
+    /// was short, or the device was lost, and next time it may do.
     pub(super) fn run<T: Clone + Send + Sync>(
         &self,
         trees: &[Tree],
         samples: &[(&Scene, &Sample)],
         precision: Precision,
         measure: impl Fn(usize, &[[f32; 3]]) -> T + Sync,
-    ) -> Vec<Option<Vec<T>>> {
+    ) -> Result<Vec<Option<Vec<T>>>, BackendError> {
         let passes = Passes { precision, ..self.passes_for(samples) };
         let plan = |trees: &[Tree]| Plan::new(trees, self.window, &self.facts, passes);
         let plans: Vec<Option<Plan>> =
@@ -98,29 +102,28 @@ impl Batching<'_> {
                 groups.into_iter().map(move |group| group.iter().map(|&k| numbers[k]).collect())
             })
             .collect();
-        let measured: FxHashMap<usize, Vec<T>> = batches
+        let measured: Vec<Vec<(usize, Vec<T>)>> = batches
             .par_iter()
-            .flat_map_iter(|batch| {
+            .map(|batch| {
                 let members: Vec<Tree> = batch.iter().map(|&k| trees[k].clone()).collect();
-                let in_company = |members: &[Tree]| {
-                    let measured = self.measure(&plan(members).ok()?, samples, &measure);
-                    Some(measured.ok()?.into_iter().map(Some).collect())
+                let in_company = || {
+                    let plan = plan(&members).ok().filter(|_| members.len() > 1)?;
+                    self.measure(&plan, samples, &measure).ok()
                 };
                 let alone = |&k: &usize| {
-                    let measured = self.measure(plans[k].as_ref()?, samples, &measure);
-                    Some(measured.ok()?.swap_remove(0))
+                    let plan = plans[k].as_ref().expect("batches are made of plans");
+                    Ok(self.measure(plan, samples, &measure)?.swap_remove(0))
                 };
-                // What fails in company may well do alone.
-                let each: Vec<Option<Vec<T>>> = match members.len() {
-                    1 => None,
-                    _ => in_company(&members),
-                }
-                .unwrap_or_else(|| batch.iter().map(alone).collect());
-                let named = batch.iter().zip(each).map(|(&k, measured)| Some((k, measured?)));
-                named.flatten().collect::<Vec<_>>()
+                // What fails in company may well do alone: a smaller program needs less.
+                let each: Vec<Vec<T>> = match in_company() {
+                    Some(each) => each,
+                    None => batch.iter().map(alone).collect::<Result<_, BackendError>>()?,
+                };
+                Ok(batch.iter().copied().zip(each).collect())
             })
-            .collect();
-        leader.into_iter().map(|leader| measured.get(&leader?).cloned()).collect()
+            .collect::<Result<_, BackendError>>()?;
+        let measured: FxHashMap<usize, Vec<T>> = measured.into_iter().flatten().collect();
+        Ok(leader.into_iter().map(|leader| measured.get(&leader?).cloned()).collect())
     }
 
     /// Per weight of a plan, what `measure` makes of each sample.

@@ -25,12 +25,13 @@ impl ImageFitness<'_> {
         let window = Window { radius: batching.window.radius.min(RADIUS), ..batching.window };
         let trees = std::slice::from_ref(tree);
         let plan = Plan::new(trees, window, &batching.facts, batching.passes)?;
-        let code = batching.backend.compile(&plan)?;
+        let failed = |source| self.failed(source);
+        let code = batching.backend.compile(&plan).map_err(failed)?;
         let stage = Stage { weight: tree.clone(), window, source: Source::Color };
         let mut greatest = 0.0f64;
         for training in &self.scenes {
             let scene = &training.scene;
-            let filtered = code.run(scene, &[Rect::whole(scene)])?.swap_remove(0);
+            let filtered = code.run(scene, &[Rect::whole(scene)]).map_err(failed)?.swap_remove(0);
             greatest = greatest.max(oracle::difference(scene, &stage, &filtered.pixels));
         }
         Ok(greatest)

@@ -87,7 +87,8 @@ pub struct Restriction<'a> {
     /// Names it in checkpoints: a search under another would breed others.
     pub name: &'static str,
     /// Whether an expression is good for nothing. Asked of all that are to be judged
-    /// in full, so it should take less time than that.
+    /// in full, so it should take less time than that. The answer is remembered; where
+    /// there is none because something failed, the search stops.
     pub refuses: Box<Question<'a, bool>>,
     /// Says why an expression must not win, if it must not. Asked of finalists, the
     /// best first, until there is one to whom there is no objection.
@@ -95,17 +96,28 @@ pub struct Restriction<'a> {
 }
 
 /// Something to be asked of expressions.
-pub type Question<'a, A> = dyn Fn(&Tree) -> A + Sync + 'a;
+pub type Question<'a, A> = dyn Fn(&Tree) -> Result<A, Failure> + Sync + 'a;
 
-/// Why an expression could not be judged in a report.
+/// Why there is no answer.
+pub type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Why an expression could not be judged.
 #[derive(Debug, thiserror::Error)]
 pub enum JudgeError {
     /// There is no plan for it.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// It could not be run.
+    /// The back end failed.
+    #[error("the back end `{backend}` failed: {source}")]
+    Backend {
+        /// What `--backend` calls it.
+        backend: &'static str,
+        /// At what.
+        source: BackendError,
+    },
+    /// A [`Restriction`] got no answer.
     #[error(transparent)]
-    Backend(#[from] BackendError),
+    Restriction(Failure),
 }
 
 /// The errors that a filter leaves in one scene.
@@ -215,13 +227,14 @@ impl<'a> ImageFitness<'a> {
     /// The errors that a filter leaves in each scene, all pixels counted.
     ///
     /// # Errors
-    /// If the expression cannot be planned for these scenes or compiled.
+    /// If the expression cannot be planned for these scenes, or the back end fails.
     pub fn report(&self, tree: &Tree) -> Result<Vec<SceneErrors>, JudgeError> {
         let plan = self.batching.plan(std::slice::from_ref(tree))?;
-        let code = self.batching.backend.compile(&plan)?;
+        let failed = |source| self.failed(source);
+        let code = self.batching.backend.compile(&plan).map_err(failed)?;
         let judge = |training: &TrainingScene| {
             let scene = &training.scene;
-            let filtered = code.run(scene, &[Rect::whole(scene)])?.swap_remove(0);
+            let filtered = code.run(scene, &[Rect::whole(scene)]).map_err(failed)?.swap_remove(0);
             let channel = |c: usize| filtered.pixels.iter().map(|p| p[c]).collect::<Vec<f32>>();
             let (width, height) = (scene.layout().width(), scene.layout().height());
             let image = Image::new(scene.name(), width, height, [0, 1, 2].map(channel))
@@ -234,26 +247,42 @@ impl<'a> ImageFitness<'a> {
     }
 
     /// Per tree, the sum over the scenes of the mean error over their samples.
-    /// Whatever cannot be planned, compiled or run is good for nothing, and costs
-    /// the search no more than that.
-    fn errors(&self, trees: &[Tree], samples: &[Sample], precision: Precision) -> Vec<f64> {
+    /// Whatever cannot be planned is good for nothing. A back end that fails says nothing
+    /// of the expression, so that is an error.
+    fn errors(
+        &self,
+        trees: &[Tree],
+        samples: &[Sample],
+        precision: Precision,
+    ) -> Result<Vec<f64>, JudgeError> {
         let error = |k: usize, pixels: &[[f32; 3]]| mean(&samples[k].errors(pixels, self.measure));
         let measured = self.batching.run(trees, &self.pairs_of(samples), precision, error);
-        measured.into_iter().map(|errors| errors.map_or(f64::INFINITY, total)).collect()
+        let measured = measured.map_err(|source| self.failed(source))?;
+        Ok(measured.into_iter().map(|errors| errors.map_or(f64::INFINITY, total)).collect())
+    }
+
+    fn failed(&self, source: BackendError) -> JudgeError {
+        JudgeError::Backend { backend: self.batching.backend.name(), source }
     }
 
     /// Judges those that the restriction, if there is one, does not refuse.
-    fn unless_refused(&self, trees: &[Tree], judge: impl Fn(&[Tree]) -> Vec<f64>) -> Vec<f64> {
+    fn unless_refused(
+        &self,
+        trees: &[Tree],
+        judge: impl Fn(&[Tree]) -> Result<Vec<f64>, JudgeError>,
+    ) -> Result<Vec<f64>, JudgeError> {
         let Some(restriction) = &self.restriction else { return judge(trees) };
-        let refused: Vec<bool> = trees.par_iter().map(|tree| (restriction.refuses)(tree)).collect();
+        let refused = trees.par_iter().map(|tree| (restriction.refuses)(tree));
+        let refused = refused.collect::<Result<Vec<bool>, Failure>>();
+        let refused = refused.map_err(JudgeError::Restriction)?;
         let accepted = trees.iter().zip(&refused).filter(|(_, refused)| !**refused);
         let accepted: Vec<Tree> = accepted.map(|(tree, _)| tree.clone()).collect();
-        let mut values = judge(&accepted).into_iter();
+        let mut values = judge(&accepted)?.into_iter();
         let value = |refused: bool| match refused {
             true => f64::INFINITY,
             false => values.next().expect("one value for each that is judged"),
         };
-        refused.into_iter().map(value).collect()
+        Ok(refused.into_iter().map(value).collect())
     }
 }
 
@@ -264,19 +293,22 @@ fn total(errors: Vec<f64>) -> f64 {
 }
 
 impl Fitness for ImageFitness<'_> {
-    type Error = std::convert::Infallible;
+    type Error = JudgeError;
 
     fn evaluate(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
-        Ok(self.unless_refused(trees, |trees| self.errors(trees, &self.samples, self.breeding)))
+        self.unless_refused(trees, |trees| self.errors(trees, &self.samples, self.breeding))
     }
 
     fn evaluate_full(&self, trees: &[Tree]) -> Result<Vec<f64>, Self::Error> {
         let whole: Vec<Sample> = self.scenes.iter().map(Sample::whole).collect();
-        Ok(self.errors(trees, &whole, Precision::Standard))
+        self.errors(trees, &whole, Precision::Standard)
     }
 
     fn difference(&self, tree: &Tree) -> Result<f64, Self::Error> {
-        Ok(self.greatest_difference(tree).unwrap_or(f64::INFINITY))
+        match self.greatest_difference(tree) {
+            Err(JudgeError::Plan(_)) => Ok(f64::INFINITY),
+            judged => judged,
+        }
     }
 
     fn tolerance(&self) -> f64 {
@@ -284,12 +316,13 @@ impl Fitness for ImageFitness<'_> {
     }
 
     fn objection(&self, tree: &Tree) -> Result<Option<String>, Self::Error> {
-        Ok(self.restriction.as_ref().and_then(|restriction| (restriction.objection)(tree)))
+        let Some(restriction) = &self.restriction else { return Ok(None) };
+        (restriction.objection)(tree).map_err(JudgeError::Restriction)
     }
 
     fn race(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Self::Error> {
         match &self.course {
-            Some(course) => Ok(self.run_race(course, entrants)),
+            Some(course) => self.run_race(course, entrants),
             None => self.judge_all(entrants),
         }
     }
