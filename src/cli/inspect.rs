@@ -254,6 +254,7 @@ impl BadEntry {
             (Defect::Nan | Defect::Infinite | Defect::Huge, _) => "median of the good ones around",
             (Defect::Negative, Some(Quantity::Variance)) => "counted as 0",
             (Defect::Negative, Some(Quantity::Value | Quantity::Gradient)) => "kept",
+            (Defect::Outside, _) => "brought into bounds",
             (Defect::Firefly, _) => "kept",
         };
         Self {
@@ -263,6 +264,7 @@ impl BadEntry {
                 Defect::Infinite => "infinite",
                 Defect::Huge => "huge",
                 Defect::Negative => "negative",
+                Defect::Outside => "outside",
                 Defect::Firefly => "firefly",
             },
             of: finding.of.clone(),

@@ -66,8 +66,11 @@ pub(super) fn lines(subject: &Subject<'_>, called: impl Fn(Term) -> String) -> V
 /// What a term is, and how it is brought into its unit.
 fn described(term: Term) -> String {
     let row = term.row();
+    let bounded = row.bounds.map_or_else(String::new, |[lo, hi]| {
+        format!(" Clamp each component to [{lo},\u{a0}{hi}].")
+    });
     let (values, squares) = match row.unit {
-        Unit::Own => ("", ""),
+        Unit::Own => (&*bounded, ""),
         Unit::Place => (
             " Subtract the centre and divide by the extent; 0 where nothing is hit.",
             " Divide it by the square of the extent.",

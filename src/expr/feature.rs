@@ -74,6 +74,11 @@ pub struct FeatureRow {
     pub unit: Unit,
     /// Whether its values have two signs.
     pub signed: bool,
+    /// What its components lie in by what they are: a surface reflects a share of the
+    /// light, a direction has a length of 1. The loader brings values into these bounds.
+    pub bounds: Option<[f32; 2]>,
+    /// What people call it.
+    pub title: &'static str,
     /// One line for people.
     pub doc: &'static str,
 }
@@ -88,6 +93,8 @@ const TABLE: [FeatureRow; 8] = [
         width: 3,
         unit: Unit::Place,
         signed: true,
+        bounds: None,
+        title: "positions",
         doc: "world-space position of the first hit, relative to the visible geometry's extent",
     },
     FeatureRow {
@@ -99,6 +106,8 @@ const TABLE: [FeatureRow; 8] = [
         width: 3,
         unit: Unit::Own,
         signed: true,
+        bounds: Some([-1.0, 1.0]),
+        title: "normals",
         doc: "shading normal at the first hit",
     },
     FeatureRow {
@@ -110,6 +119,8 @@ const TABLE: [FeatureRow; 8] = [
         width: 3,
         unit: Unit::Own,
         signed: false,
+        bounds: Some([0.0, 1.0]),
+        title: "albedo",
         doc: "diffuse albedo at the first hit",
     },
     FeatureRow {
@@ -121,6 +132,8 @@ const TABLE: [FeatureRow; 8] = [
         width: 3,
         unit: Unit::Own,
         signed: false,
+        bounds: Some([0.0, 1.0]),
+        title: "reflected albedo",
         doc: "diffuse albedo seen through glossy or specular reflection",
     },
     FeatureRow {
@@ -132,6 +145,8 @@ const TABLE: [FeatureRow; 8] = [
         width: 1,
         unit: Unit::Length,
         signed: false,
+        bounds: None,
+        title: "depth",
         doc: "distance to the first hit, relative to the visible geometry's extent",
     },
     FeatureRow {
@@ -143,6 +158,8 @@ const TABLE: [FeatureRow; 8] = [
         width: 3,
         unit: Unit::Light,
         signed: false,
+        bounds: None,
+        title: "direct light",
         doc: "direct illumination at the first hit, relative to the image's exposure",
     },
     FeatureRow {
@@ -154,6 +171,8 @@ const TABLE: [FeatureRow; 8] = [
         width: 3,
         unit: Unit::Light,
         signed: false,
+        bounds: None,
+        title: "colour",
         doc: "the noisy colour, relative to the image's exposure",
     },
     FeatureRow {
@@ -165,6 +184,8 @@ const TABLE: [FeatureRow; 8] = [
         width: 2,
         unit: Unit::Own,
         signed: false,
+        bounds: None,
+        title: "pixel coordinates",
         doc: "the pixel's coordinates, in pixels",
     },
 ];

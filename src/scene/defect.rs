@@ -5,6 +5,7 @@
 //! | far | a depth that says "nothing was hit": [`drop_far`] | set to 0 |
 //! | NaN, infinite, huge | no number, or beyond ±1e18 | [repaired](super::repair) |
 //! | negative | below zero where that means nothing: [`negative`] | kept; a variance counts as 0 |
+//! | outside | beyond the bounds of what the feature is: [`bound`] | brought into them |
 //! | firefly | far brighter than all around: [`fireflies`] | kept |
 //!
 //! What is no number must go, as no sum survives it. Negative samples stay: a
@@ -46,6 +47,8 @@ pub enum Defect {
     Huge,
     /// Below zero where that means nothing.
     Negative,
+    /// Outside of the feature's bounds.
+    Outside,
     /// Far brighter than all around.
     Firefly,
 }
@@ -88,15 +91,56 @@ pub fn drop_far(depth: &mut [f32]) -> Option<Tally> {
 }
 
 /// The samples below zero of a channel in which that means nothing. Positions and normals
-/// have two signs; and where no depth is positive, the axis points backwards.
+/// have two signs; what has bounds is [brought into them](bound); and where no depth is positive, the axis points backwards.
 pub fn negative(samples: &[f32], feature: Feature, quantity: Quantity) -> Option<Tally> {
     let signed = match quantity {
         Quantity::Value if feature == Feature::Depth => !samples.iter().any(|&d| d > 0.0),
-        Quantity::Value => feature.row().signed,
+        Quantity::Value => feature.row().signed || feature.row().bounds.is_some(),
         Quantity::Gradient | Quantity::Variance => false,
     };
     // Negative infinity is told as infinite.
     if signed { None } else { Tally::of(samples, |x| x < 0.0 && is_good(x)) }
+}
+
+/// Beyond its bounds by no more than this, a sample is there by rounding: half floats have
+/// 11 bits.
+const ROUNDED: f32 = 1.0 / 1024.0;
+
+/// Brings samples into bounds, and marks the pixels in which one was further out than
+/// rounding explains.
+///
+/// Cycles writes the radiance of a lamp that is in view as its albedo, and motion blur
+/// over few samples gives albedos above 1 too. Weights do not expect them. Most are made
+/// of functions that fall with a distance, and to those a guide that is far off does no
+/// harm: the pixel is alone. But bred weights may rise again, as d^(-d²) does from a
+/// distance of 0.6 on: at 2.5 it is what it never is below 1, and `tamis-2` filled a lamp
+/// of albedo 3 with the wall around it, and the wall with the lamp.
+///
+/// What has no bounds by its nature can still be far from everything else: the colour and
+/// the direct light of a lamp, in units of the exposure; positions and depths of a far
+/// mountain, in units of the extent, which leaves the farthest 5% out. They stay as they
+/// are, as a light is bright and a mountain is far; weights are bred on scenes with both.
+/// The variance of such a feature goes up with its square.
+pub fn bound(samples: &mut [f32], bounds: [f32; 2], marked: &mut [bool]) {
+    let [lo, hi] = bounds;
+    for (x, marked) in samples.iter_mut().zip(marked) {
+        *marked |= is_out(*x, bounds);
+        // What is bad is the repair's business, and was left in on purpose.
+        if is_good(*x) {
+            *x = x.clamp(lo, hi);
+        }
+    }
+}
+
+/// Whether a sample is further out of its bounds than rounding explains.
+fn is_out(x: f32, [lo, hi]: [f32; 2]) -> bool {
+    is_good(x) && (x < lo - ROUNDED || x > hi + ROUNDED)
+}
+
+/// The samples of a channel that are brought into bounds when it is loaded.
+pub fn outside(samples: &[f32], feature: Feature, quantity: Quantity) -> Option<Tally> {
+    let bounds = feature.row().bounds.filter(|_| quantity == Quantity::Value)?;
+    Tally::of(samples, |x| is_out(x, bounds))
 }
 
 /// The pixels whose greatest component is more than sixteen times the median of those of
@@ -227,11 +271,29 @@ mod tests {
     }
 
     #[test]
+    fn what_is_out_of_bounds_by_more_than_rounding_is_told_and_all_of_it_brought_in() {
+        let samples = [0.5, -0.1, 1.0001, 3.0, -0.0001, f32::NAN, f32::INFINITY];
+        let mut bounded = samples;
+        let mut marked = [false; 7];
+        bound(&mut bounded, [0.0, 1.0], &mut marked);
+        assert_eq!(bounded[..5], [0.5, 0.0, 1.0, 1.0, 0.0]);
+        assert!(bounded[5].is_nan() && bounded[6] == f32::INFINITY);
+        assert_eq!(marked, [false, true, false, true, false, false, false]);
+        let found = Some(Tally { count: 2, first: vec![1, 3] });
+        assert_eq!(outside(&samples, Feature::Texture, Quantity::Value), found);
+        assert_eq!(outside(&samples, Feature::Texture, Quantity::Variance), None);
+        assert_eq!(outside(&samples, Feature::Color, Quantity::Value), None);
+        let normal = outside(&[-1.5, -1.0, 1.0005, 2.0], Feature::Normal, Quantity::Value);
+        assert_eq!(normal, Some(Tally { count: 2, first: vec![0, 3] }));
+    }
+
+    #[test]
     fn negative_samples_are_told_where_they_mean_nothing() {
         let samples = [1.0, -2.0, -0.0, f32::NEG_INFINITY, -3.0];
         let found = Some(Tally { count: 2, first: vec![1, 4] });
         for feature in Feature::ALL {
-            let expected = found.clone().filter(|_| !feature.row().signed);
+            let row = feature.row();
+            let expected = found.clone().filter(|_| !row.signed && row.bounds.is_none());
             assert_eq!(negative(&samples, feature, Quantity::Value), expected, "{feature:?}");
             assert_eq!(negative(&samples, feature, Quantity::Variance), found, "{feature:?}");
         }

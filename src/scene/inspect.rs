@@ -146,6 +146,7 @@ fn findings(name: &str, samples: &mut [f32], role: Option<PlaneId>, width: usize
     };
     let far = is(Feature::Depth, Quantity::Value).then(|| defect::drop_far(samples)).flatten();
     let negative = role.and_then(|plane| defect::negative(samples, plane.feature, plane.quantity));
+    let outside = role.and_then(|plane| defect::outside(samples, plane.feature, plane.quantity));
     let huge = |x: f32| x.is_finite() && !is_good(x);
     let found = [
         (Defect::Far, far),
@@ -153,6 +154,7 @@ fn findings(name: &str, samples: &mut [f32], role: Option<PlaneId>, width: usize
         (Defect::Infinite, Tally::of(samples, f32::is_infinite)),
         (Defect::Huge, Tally::of(samples, huge)),
         (Defect::Negative, negative),
+        (Defect::Outside, outside),
     ];
     let quantity = role.map(|plane| plane.quantity);
     let found = found.into_iter().filter_map(|(defect, tally)| Some((defect, tally?)));

@@ -30,7 +30,17 @@ pub enum Note {
         /// How many samples.
         count: usize,
     },
-    /// Pixels far outshine all around them. They are kept.
+    /// Pixels of a feature were brought into its bounds.
+    Bounded {
+        /// Which feature.
+        feature: Feature,
+        /// Its bounds.
+        bounds: [f32; 2],
+        /// How many pixels, those left out that were out by rounding alone.
+        count: usize,
+    },
+    /// Pixels far outshine all around them. They are kept, but for what
+    /// [`Bounded`](Self::Bounded) says.
     Fireflies {
         /// In which feature.
         feature: Feature,
@@ -80,8 +90,16 @@ impl fmt::Display for Note {
                 };
                 write!(f, "{channel}: {count} negative sample(s) {fate}")
             }
+            Self::Bounded { feature, bounds: [lo, hi], count } => {
+                write!(
+                    f,
+                    "{}: {count} pixel(s) outside of [{lo}, {hi}] brought into it",
+                    feature.row().name
+                )
+            }
             Self::Fireflies { feature, count } => {
-                write!(f, "{}: {count} firefly pixel(s) kept", feature.row().name)
+                let fate = if feature.row().bounds.is_some() { "" } else { " kept" };
+                write!(f, "{}: {count} firefly pixel(s){fate}", feature.row().name)
             }
             Self::EstimatedVariance(feature) => write!(
                 f,

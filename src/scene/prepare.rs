@@ -1,4 +1,4 @@
-//! From raw features to the planes of a [`Scene`]: repair, scales, normalised
+//! From raw features to the planes of a [`Scene`]: repair, bounds, scales, normalised
 //! values, what is derived from them, padding. In that order.
 
 use std::collections::BTreeMap;
@@ -38,6 +38,7 @@ impl RawScene {
         self.drop_far_depths();
         self.note_defects();
         self.repair(options.repair)?;
+        self.bound();
         let layout = Layout::new(self.width, self.height, pad);
         let Some([r, g, b]) = self.components(Feature::Color, Quantity::Value) else {
             return Err(self.origin.missing(
@@ -60,12 +61,12 @@ impl RawScene {
             })
             .collect();
         let mut planes = BTreeMap::new();
-        let mut notes = self.notes;
         let mut facts = Vec::new();
+        let mut notes = self.notes;
         for mut made in made {
             planes.append(&mut made.planes);
-            notes.extend(made.estimated.map(Note::EstimatedVariance));
             facts.append(&mut made.facts);
+            notes.extend(made.estimated.map(Note::EstimatedVariance));
         }
         Ok(Scene {
             name: self.name,
@@ -73,8 +74,8 @@ impl RawScene {
             color,
             ones,
             planes,
-            normalization: scales,
             facts: Facts::from_planes(facts),
+            normalization: scales,
             notes,
             origin: self.origin,
         })
@@ -147,6 +148,25 @@ impl RawScene {
         Ok(())
     }
 
+    /// Brings features that have bounds into them: what is derived from them follows.
+    fn bound(&mut self) {
+        let pixels = self.width * self.height;
+        let found: Vec<Option<Note>> = self
+            .features
+            .par_iter_mut()
+            .map(|(&(feature, quantity), components)| {
+                let bounds = feature.row().bounds.filter(|_| quantity == Quantity::Value)?;
+                let mut marked = vec![false; pixels];
+                for samples in components {
+                    defect::bound(samples, bounds, &mut marked);
+                }
+                let count = marked.into_iter().filter(|&marked| marked).count();
+                (count > 0).then_some(Note::Bounded { feature, bounds, count })
+            })
+            .collect();
+        self.notes.extend(found.into_iter().flatten());
+    }
+
     /// The scales, and which pixels hit something (empty without positions).
     fn scales(&self, color_scale: ColorScale) -> (Normalization, Vec<bool>) {
         let color = self.components(Feature::Color, Quantity::Value).unwrap_or_default();
@@ -181,6 +201,7 @@ impl RawScene {
 #[derive(Default)]
 struct Made {
     planes: BTreeMap<PlaneId, Plane>,
+    facts: Vec<(PlaneId, Fact)>,
     estimated: Option<Feature>,
 }
 
@@ -201,7 +222,6 @@ impl Maker<'_> {
         }
         let normalized = self.normalized(feature);
         let mut add = |quantity, component: usize, samples: &[f32]| {
-    facts: Vec<(PlaneId, Fact)>,
             let id = PlaneId { feature, quantity, component: component as u8 };
             if needs.includes(id) {
                 let plane = Plane::new(self.layout, samples);

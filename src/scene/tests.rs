@@ -297,6 +297,7 @@ fn what_is_found_on_load_is_what_inspection_lists() {
         (Defect::Far, "Depth.Z", value, vec![50]),
         (Defect::Nan, "Depth.Z", value, vec![51]),
         (Defect::Negative, "Depth.Z", value, vec![52]),
+        (Defect::Outside, "Albedo.B", value, vec![77]),
         (Defect::Firefly, "texture", value, vec![77]),
         (Defect::Negative, "Variance.B", variance, vec![11]),
     ];
@@ -321,6 +322,7 @@ fn what_is_found_on_load_is_what_inspection_lists() {
         Note::FarDepth { count: 1 },
         Note::Repaired { channel: "Depth.Z".to_owned(), count: 1 },
         Note::Negative { channel: "Depth.Z".to_owned(), quantity: Quantity::Value, count: 1 },
+        Note::Bounded { feature: Feature::Texture, bounds: [0.0, 1.0], count: 1 },
         Note::Fireflies { feature: Feature::Texture, count: 1 },
         Note::Negative { channel: "Variance.B".to_owned(), quantity: Quantity::Variance, count: 1 },
     ] {

@@ -341,23 +341,26 @@ fn untrusted_sums_keep_the_noisy_colour(backend: &dyn Backend) {
     assert_eq!(got.pixels[13], [0, 1, 2].map(|c| scene.color()[c].at(1, 1)));
 }
 
-/// A scene in which w(i, j) is a number that pixel j holds: errors are the sum's alone.
-/// With its filter.
-fn weighted(weights: Vec<f32>, color: [Vec<f32>; 3]) -> (Scene, Tree) {
+/// A scene in which w(i, j) is a number within ±1 that pixel j holds, times a power of two
+/// (or a number that is the same for all): errors are the sum's alone. With its filter.
+fn weighted(scale: f32, weights: Vec<f32>, color: [Vec<f32>; 3]) -> (Scene, Tree) {
     let pixels = weights.len();
     assert_eq!(pixels, WEIGHTED.0 * WEIGHTED.1);
     let same = |x: f32| vec![x; pixels];
     let raw = RawScene::new("weighted", WEIGHTED.0, WEIGHTED.1, color)
         .with(Feature::Texture, Quantity::Value, vec![same(1.0), same(0.0), same(0.0)])
-        .with(Feature::SecTexture, Quantity::Value, vec![weights, same(0.0), same(0.0)]);
-    let needs = Needs::planes(parse(WEIGHT_OF_J).planes());
-    let options = LoadOptions::default();
-    (raw.prepare(&needs, 32, &options).expect("a sound scene"), parse(WEIGHT_OF_J))
+        .with(Feature::Normal, Quantity::Value, vec![weights, same(0.0), same(0.0)]);
+    // The texture is that of pixel i and 1, the normal that of pixel j.
+    let weight = parse(&format!("{scale:e} * dot(texture, normal)"));
+    let needs = Needs::planes(weight.planes());
+    (raw.prepare(&needs, 32, &LoadOptions::default()).expect("a sound scene"), weight)
 }
 
 /// The size of such scenes: windows of radius 32 hold them whole.
 const WEIGHTED: (usize, usize) = (41, 24);
-const WEIGHT_OF_J: &str = "dot(texture, secTexture)";
+
+/// The greatest power of two that expressions compute with.
+const GREATEST: f32 = (1u64 << 59) as f32;
 
 /// A number between powers of ten.
 fn decades(rng: &mut impl Rng, lo: f32, hi: f32) -> f32 {
@@ -371,15 +374,16 @@ fn sums_far_from_one(backend: &dyn Backend) {
     let pixels = WEIGHTED.0 * WEIGHTED.1;
     let mut rng = ChaCha8Rng::seed_from_u64(14);
     for weights in [[0.0, 0.0], [-29.0, -28.0], [-12.0, 12.0], [-3.0, 3.0], [17.0, 18.0]] {
+        let scale = 10f32.powf(weights[1]).log2().ceil().exp2().min(GREATEST);
         // The share of the weights that is negative.
         for negative in [0.0, 0.3, 0.49] {
             let weight = |rng: &mut ChaCha8Rng| {
-                let weight = decades(rng, weights[0], weights[1]).min(1e18);
+                let weight = decades(rng, weights[0], weights[1]).min(GREATEST) / scale;
                 if rng.random_bool(negative) { -weight } else { weight }
             };
             let weight: Vec<f32> = (0..pixels).map(|_| weight(&mut rng)).collect();
             let color = [0; 3].map(|_| (0..pixels).map(|_| decades(&mut rng, -6.0, 6.0)).collect());
-            let (scene, tree) = weighted(weight, color);
+            let (scene, tree) = weighted(scale, weight, color);
             for radius in [1, 10, 32] {
                 let window = Window::dense(radius);
                 let plan = plan(std::slice::from_ref(&tree), window, &scene, Passes::ALL);
@@ -424,7 +428,7 @@ fn sums_that_overflow(backend: &dyn Backend) {
         1e18 * bright * (1.0 - 0.01 * (k % 5) as f32)
     };
     let color = [0; 3].map(|_| (0..pixels).map(ramp).collect());
-    let (scene, tree) = weighted(vec![1e18; pixels], color);
+    let (scene, tree) = weighted(1e18, vec![1.0; pixels], color);
     let window = Window::dense(10);
     let plan = plan(std::slice::from_ref(&tree), window, &scene, Passes::ALL);
     let got = run(backend, &plan, &scene).swap_remove(0);
