@@ -6,10 +6,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::error::Error;
-use super::{resolve, shipped};
+use super::resolve;
 use crate::expr::codebook;
 use crate::expr::text::latex;
-use crate::plan::Filter;
+use crate::plan::{Filter, shipped};
 use crate::report::score::json;
 
 const EXAMPLES: &str = "\
@@ -51,7 +51,11 @@ struct StageEntry {
 
 impl Filters {
     pub(super) fn run(&self) -> Result<String, Error> {
-        let wanted = if self.filters.is_empty() { resolve::names() } else { self.filters.clone() };
+        let every = || {
+            let stand_ins = shipped::stand_ins().map(|filter| filter.name);
+            resolve::names().into_iter().chain(stand_ins).collect()
+        };
+        let wanted = if self.filters.is_empty() { every() } else { self.filters.clone() };
         let mut entries = Vec::with_capacity(wanted.len());
         for text in wanted {
             entries.push(self.entry(resolve::resolve(&text, None)?));
@@ -81,8 +85,11 @@ impl Filters {
         let known = codebook::known().iter().find(|known| known.name == filter.name);
         let description = match known {
             Some(known) => known.doc.to_owned(),
-            None if shipped::filters().any(|shipped| shipped.name == filter.name) => {
+            None if shipped::bred().any(|bred| bred.name == filter.name) => {
                 "bred by this program".to_owned()
+            }
+            None if shipped::stand_ins().any(|stand_in| stand_in.name == filter.name) => {
+                "for files that hold no more guides than its name says".to_owned()
             }
             None => "given on the command line".to_owned(),
         };
@@ -92,7 +99,7 @@ impl Filters {
             dilation: stage.window.dilation,
         });
         let stages = stages.collect();
-        let default = filter.name == shipped::default_name();
+        let default = shipped::by_preference().next().is_some_and(|best| best.name == filter.name);
         Entry { name: filter.name, description, default, stages }
     }
 }

@@ -32,7 +32,6 @@ mod resolve;
 mod scenes;
 mod score;
 mod sheet;
-mod shipped;
 mod stress;
 
 use std::io::{self, Write};

@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use super::error::Error;
-use super::shipped;
 use crate::expr::text::parse_scalar;
 use crate::expr::{Feature, codebook};
-use crate::plan::{Filter, Window};
+use crate::plan::{Filter, Window, shipped};
 
-/// The names that `--filter` knows.
+/// The names of the filters that are compared where none are named: those that were bred
+/// and those that are known. `--filter` knows the stand-ins' as well.
 pub(super) fn names() -> Vec<String> {
-    let shipped = shipped::filters().map(|filter| filter.name);
-    shipped.chain(codebook::known().iter().map(|known| known.name.to_owned())).collect()
+    let bred = shipped::bred().map(|filter| filter.name);
+    bred.chain(codebook::known().iter().map(|known| known.name.to_owned())).collect()
 }
 
 /// The filter of a name.
@@ -20,12 +20,17 @@ pub(super) fn named(name: &str) -> Option<Filter> {
         let weight = codebook::named(name)?.clone();
         Some(Filter::single(name, weight, Window::DEFAULT_RADIUS))
     };
-    shipped::filters().find(|filter| filter.name == name).or_else(known)
+    let shipped = shipped::bred().chain(shipped::stand_ins());
+    shipped.into_iter().find(|filter| filter.name == name).or_else(known)
 }
 
 /// The filter that a text stands for, with another radius if one is given.
 pub(super) fn resolve(text: &str, radius: Option<u32>) -> Result<Filter, Error> {
-    let mut filter = find(text)?;
+    resized(find(text)?, radius)
+}
+
+/// A filter with another radius, if one is given.
+pub(super) fn resized(mut filter: Filter, radius: Option<u32>) -> Result<Filter, Error> {
     if let Some(radius) = radius {
         for stage in &mut filter.stages {
             stage.window.radius = radius;
@@ -96,7 +101,8 @@ mod tests {
 
     #[test]
     fn every_name_resolves() {
-        for name in names() {
+        let stand_ins = shipped::stand_ins().map(|filter| filter.name);
+        for name in names().into_iter().chain(stand_ins) {
             assert_eq!(resolve(&name, None).expect("a known name").name, name);
         }
     }

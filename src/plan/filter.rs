@@ -1,5 +1,8 @@
 //! A filter: a list of stages, as files and the command line give it.
 
+use std::collections::BTreeSet;
+
+use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::tree::Tree;
 
 /// The neighbourhood of a pixel: (2 radius + 1)² taps, `dilation` pixels apart.
@@ -74,5 +77,13 @@ impl Filter {
         let window = Window::dense(radius);
         let stage = Stage { weight, window, source: Source::Color };
         Self { name: name.into(), stages: vec![stage] }
+    }
+
+    /// The features that the filter reads something of that a scene does not provide, each
+    /// once, in the feature table's order.
+    pub fn lacking(&self, provides: impl Fn(PlaneId) -> bool) -> Vec<Feature> {
+        let planes = self.stages.iter().flat_map(|stage| stage.weight.planes());
+        let lacking = planes.filter(|&plane| !provides(plane)).map(|plane| plane.feature);
+        lacking.collect::<BTreeSet<Feature>>().into_iter().collect()
     }
 }

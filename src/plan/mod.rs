@@ -24,6 +24,7 @@ mod merge;
 mod passes;
 mod precision;
 mod rate;
+pub mod shipped;
 mod support;
 mod symmetry;
 mod taps;

@@ -23,7 +23,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use super::SceneError;
 use super::exr::Header;
 use super::naming::{CONVENTIONS, Candidate, Convention, Spread};
-use crate::expr::feature::{Feature, Quantity};
+use crate::expr::feature::{Feature, PlaneId, Quantity};
 
 /// Where a feature's value or variance comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -153,6 +153,17 @@ impl Mapping {
     /// Where a feature's variance comes from, if the file holds one.
     pub fn variance(&self, feature: Feature) -> Option<&Source> {
         self.sources.get(&(feature, Quantity::Variance))
+    }
+
+    /// Whether a scene that is loaded from the file has this plane. Gradients are made of
+    /// values, and so are variances that the file does not hold.
+    pub fn provides(&self, PlaneId { feature, quantity, .. }: PlaneId) -> bool {
+        match quantity {
+            Quantity::Value | Quantity::Gradient => {
+                feature == Feature::Pixel || self.value(feature).is_some()
+            }
+            Quantity::Variance => self.value(feature).is_some() || self.variance(feature).is_some(),
+        }
     }
 
     /// Every source.

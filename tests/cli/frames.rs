@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::place::{CLEAN, EDGE_AWARE, NOISY, Place, stderr, write_exr};
+use crate::place::{CLEAN, Channel, EDGE_AWARE, NOISY, Place, stderr, write_exr};
 
 /// `denoise` with a filter that reads the normals.
 fn denoise<'a>(inputs: &[&'a str], output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
@@ -133,4 +133,37 @@ fn a_folder_that_cannot_be_made_ends_the_run() {
     let run = denoise(&["frames/a.exr", "frames/b.exr"], "clean/", &[]);
     let report = place.fails(1, &run, &["clean/", "--output"]);
     assert_eq!(report.lines().count(), 1, "once for all frames: {report}");
+}
+
+/// Without `--filter` nothing that a file lacks is an error: each frame gets the best
+/// filter that it can feed, and a line says which and why.
+#[test]
+fn a_frame_without_a_filter_gets_what_it_can_feed() {
+    let place = film(&["a.exr", "b.exr", "c.exr"]);
+    let depth: Channel = ("Depth.Z", |x, _| 1.0 + x as f32);
+    write_exr(&place.path("frames/b.exr"), &CLEAN);
+    write_exr(&place.path("frames/c.exr"), &[&NOISY[..], &[depth]].concat());
+    let frames = ["frames/a.exr", "frames/b.exr", "frames/c.exr"];
+    let output = place.run(&[&["denoise"], &frames[..], &["-o", "clean/"]].concat());
+    let report = stderr(&output);
+    assert!(output.status.success(), "{report}");
+    for (frame, lacking, filter) in [
+        ("a", "no positions, no direct light", "guided-normal-albedo"),
+        ("b", "no positions, no normals, no albedo, no direct light", "bilateral"),
+        ("c", "no positions, no direct light", "guided-normal-albedo-depth"),
+    ] {
+        let why = format!(
+            "frames/{frame}.exr: {lacking} in the file: using `{filter}` instead of `tamis-2`"
+        );
+        assert!(report.lines().any(|line| line == why), "no `{why}` in: {report}");
+        let input = format!("frames/{frame}.exr");
+        place.done(&["denoise", &input, "-o", "alone.exr", "--filter", filter]);
+        assert!(place.bytes(&format!("clean/{frame}.exr")) == place.bytes("alone.exr"), "{frame}");
+    }
+    let radius = stderr(&place.run(&["denoise", frames[0], "-o", "small.exr", "--radius", "2"]));
+    assert!(radius.contains("filter `guided-normal-albedo`, radius 2"), "{radius}");
+
+    // Whoever names a filter wants that one.
+    let named = ["denoise", frames[0], "-o", "no.exr", "--filter", "tamis-2"];
+    place.fails(1, &named, &["frames/a.exr", "the filter reads"]);
 }

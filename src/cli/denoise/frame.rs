@@ -8,13 +8,19 @@ use super::timings::Timings;
 use crate::backend::Backend;
 use crate::cli::apply::{Applied, apply, needs, reach};
 use crate::cli::error::Error;
+use crate::cli::resolve::resized;
+use crate::plan::shipped::{self, Choice};
 use crate::plan::{Filter, Passes};
 use crate::report::number;
+use crate::scene::exr::Header;
+use crate::scene::mapping::Mapping;
 use crate::scene::{LoadOptions, Note, Scene};
 
 /// What is done to every frame.
 pub(super) struct Job<'a> {
-    pub(super) filter: &'a Filter,
+    /// What was asked for; if nothing was, each frame gets what its file can feed.
+    pub(super) filter: Option<&'a Filter>,
+    pub(super) radius: Option<u32>,
     pub(super) backend: &'a dyn Backend,
     pub(super) passes: Passes,
     pub(super) options: LoadOptions,
@@ -24,13 +30,22 @@ pub(super) struct Job<'a> {
 /// A frame that was read.
 pub(super) struct Loaded {
     scene: Scene,
+    chosen: Chosen,
     loading: Duration,
+}
+
+/// The filter of a frame.
+struct Chosen {
+    filter: Filter,
+    /// Why it is not the best there is, if it is not.
+    why: Option<String>,
 }
 
 /// A frame that was filtered. Of the scene, which is many times larger than the
 /// result, it keeps what is to be said.
 pub(super) struct Filtered {
     applied: Applied,
+    chosen: Chosen,
     notes: Vec<Note>,
     loading: Duration,
 }
@@ -45,14 +60,34 @@ pub(super) struct Written {
 impl Job<'_> {
     pub(super) fn load(&self, frame: &Frame) -> Result<Loaded, Error> {
         let start = Instant::now();
-        let (needs, reach) = (needs(self.filter), reach(self.filter));
+        let chosen = self.choose(frame)?;
+        let (needs, reach) = (needs(&chosen.filter), reach(&chosen.filter));
         let scene = Scene::load(&frame.input, &needs, reach, &self.options)?;
-        Ok(Loaded { scene, loading: start.elapsed() })
+        Ok(Loaded { scene, chosen, loading: start.elapsed() })
     }
 
-    pub(super) fn filter(&self, Loaded { scene, loading }: Loaded) -> Result<Filtered, Error> {
-        let applied = apply(self.filter, &scene, self.backend, self.passes)?;
-        Ok(Filtered { applied, notes: scene.notes().to_vec(), loading })
+    fn choose(&self, frame: &Frame) -> Result<Chosen, Error> {
+        if let Some(filter) = self.filter {
+            return Ok(Chosen { filter: filter.clone(), why: None });
+        }
+        let mapping = Mapping::of(&Header::read(&frame.input)?);
+        let Choice { filter, best, lacking } = shipped::choose(|plane| mapping.provides(plane));
+        let filter = resized(filter, self.radius)?;
+        let titles: Vec<&str> = lacking.iter().map(|feature| feature.row().title).collect();
+        let why = (!titles.is_empty()).then(|| {
+            format!(
+                "no {} in the file: using `{}` instead of `{best}`",
+                titles.join(", no "),
+                filter.name
+            )
+        });
+        Ok(Chosen { filter, why })
+    }
+
+    pub(super) fn filter(&self, loaded: Loaded) -> Result<Filtered, Error> {
+        let Loaded { scene, chosen, loading } = loaded;
+        let applied = apply(&chosen.filter, &scene, self.backend, self.passes)?;
+        Ok(Filtered { applied, chosen, notes: scene.notes().to_vec(), loading })
     }
 
     pub(super) fn write(&self, frame: &Frame, filtered: Filtered) -> Result<Written, Error> {
@@ -61,7 +96,8 @@ impl Job<'_> {
         let write = start.elapsed();
         let Applied { planning, compilation, filtering, .. } = filtered.applied;
         let (width, height) = filtered.applied.image.size();
-        let taps: usize = self.filter.stages.iter().map(|stage| stage.window.taps()).sum();
+        let taps: usize =
+            filtered.chosen.filter.stages.iter().map(|stage| stage.window.taps()).sum();
         let timings = Timings {
             load: filtered.loading,
             plan: planning,
@@ -74,11 +110,13 @@ impl Job<'_> {
     }
 
     fn remarks(&self, frame: &Frame, filtered: &Filtered) -> Vec<String> {
-        let Filtered { applied: Applied { image, kept, filtering, .. }, notes, .. } = filtered;
+        let Filtered { applied: Applied { image, kept, filtering, .. }, chosen, notes, .. } =
+            filtered;
         let (input, output) = (frame.input.display(), frame.output.display());
         let (width, height) = image.size();
-        let mut remarks: Vec<String> =
-            notes.iter().map(|note| format!("{input}: {note}")).collect();
+        let why = chosen.why.iter().map(|why| format!("{input}: {why}"));
+        let notes = notes.iter().map(|note| format!("{input}: {note}"));
+        let mut remarks: Vec<String> = why.chain(notes).collect();
         if *kept > 0 {
             remarks.push(format!(
                 "{output}: {} ({}) kept the noisy colour: their weights sum to nothing that can \
@@ -89,8 +127,8 @@ impl Job<'_> {
         }
         remarks.push(format!(
             "{output}: {width}x{height} pixels, filter `{}`, radius {}, {}, {}",
-            self.filter.name,
-            reach(self.filter),
+            chosen.filter.name,
+            reach(&chosen.filter),
             self.backend.name(),
             number::duration(*filtering),
         ));

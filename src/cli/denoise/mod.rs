@@ -19,7 +19,6 @@ use super::error::Error;
 use super::log::Log;
 use super::options::Running;
 use super::resolve::resolve;
-use super::shipped;
 use files::Files;
 use form::Form;
 use frame::Job;
@@ -36,7 +35,9 @@ Examples:
   tamis denoise render.exr -o clean.exr \\
       --filter 'exp(-distance2(normal, normal) / 0.1 - distance2(texture, texture) / 0.02)'
 
-Only the channels that the filter reads are decoded.
+Only the channels that the filter reads are decoded. Without --filter, a file that lacks
+what the best filter reads (direct light, say) is filtered with what it has, and a line
+says so; with --filter, a missing feature is an error.
 
 Several images are filtered one after another; meanwhile the next is loaded and
 the one before is written, so there are at most three in memory (four with a GPU,
@@ -62,8 +63,9 @@ pub(super) struct Denoise {
     format: Option<Form>,
 
     /// A filter's name (see `tamis filters`), a filter file, or an expression
-    #[arg(long, short, value_name = "NAME|FILE|EXPRESSION", default_value_t = shipped::default_name(), allow_hyphen_values = true)]
-    filter: String,
+    /// [default: for each image the best shipped filter that its file can feed]
+    #[arg(long, short, value_name = "NAME|FILE|EXPRESSION", allow_hyphen_values = true)]
+    filter: Option<String>,
 
     #[command(flatten)]
     running: Running,
@@ -76,11 +78,13 @@ pub(super) struct Denoise {
 impl Denoise {
     pub(super) fn run(&self, log: Log, started: Instant) -> Result<String, Error> {
         let files = Files::of(&self.inputs, &self.output, self.format)?;
-        let filter = resolve(&self.filter, self.running.radius)?;
-        stage(&filter)?;
+        let radius = self.running.radius;
+        let filter = self.filter.as_ref().map(|text| resolve(text, radius)).transpose()?;
+        filter.as_ref().map(stage).transpose()?;
         let Opened { backend, frames } = self.running.backend.open(log)?;
         let job = Job {
-            filter: &filter,
+            filter: filter.as_ref(),
+            radius,
             backend: &*backend,
             passes: self.running.passes(),
             options: self.running.load_options(),
