@@ -15,8 +15,9 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// Gathers them. Codebook entries that read what is forbidden are left out;
-    /// an initial expression that does, or is too large, is an error.
+    /// Gathers them. Codebook entries that read what is forbidden, or are of operators
+    /// that are not in the primitive set, are left out; an initial expression that
+    /// does or is, or is too large, is an error.
     pub fn new(settings: &Settings) -> Result<Self, Error> {
         let mut forbidden = Vec::new();
         for name in &settings.forbidden {
@@ -26,8 +27,9 @@ impl Materials {
                 wanted: "it must name features, gradients or variances",
             })?);
         }
-        let vocabulary =
-            Vocabulary::of(|feature, quantity| !forbidden.contains(&(feature, quantity)));
+        let vocabulary = Vocabulary::of(settings.primitives, |feature, quantity| {
+            !forbidden.contains(&(feature, quantity))
+        });
 
         let initial = match named(&settings.initial) {
             Some(tree) => tree.clone(),
@@ -39,7 +41,9 @@ impl Materials {
             wanted,
         };
         if !vocabulary.covers(&initial) {
-            return Err(refused("it must not read what `forbidden` names"));
+            return Err(refused(
+                "it must be of the operators of `primitives`, and not read what `forbidden` names",
+            ));
         }
         if !settings.admit(&initial) {
             return Err(refused(

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use super::images;
 use crate::expr::Tree;
+use crate::expr::grammar::Primitives;
 use crate::plan::Precision;
 use crate::scene::metric::Measure;
 
@@ -49,6 +50,10 @@ pub struct Settings {
     /// The individuals of the initial population, but for the first of each
     /// island, are the initial expression after one to this many mutations.
     pub initial_mutations: u32,
+    /// The operators that expressions are made of (Figure 2). Searches begun before there was
+    /// a choice have the paper's.
+    #[serde(default)]
+    pub primitives: Primitives,
     /// Names of features, gradients and variances that the search must not use,
     /// because the training scenes do not have them, say.
     pub forbidden: Vec<String>,
@@ -158,6 +163,7 @@ impl Preset {
             seed: 1,
             initial: "bilateral".to_owned(),
             initial_mutations: 1,
+            primitives: Primitives::Paper,
             forbidden: Vec::new(),
             error: Measure::RelMse,
             precision: Precision::Fast,
@@ -322,6 +328,18 @@ mod tests {
         assert_ne!(before, written);
         let read = toml::from_str::<Settings>(&before).unwrap();
         assert_eq!(read, Settings { precision: Precision::Standard, ..Preset::Paper.settings() });
+    }
+
+    /// A preset that named every operator would search differently with each new one.
+    #[test]
+    fn presets_name_the_papers_primitives() {
+        for preset in Preset::ALL {
+            assert_eq!(preset.settings().primitives, Primitives::Paper);
+            let written = toml::to_string(&preset.settings()).unwrap();
+            let before = written.replace("primitives = \"paper\"\n", "");
+            assert_ne!(before, written);
+            assert_eq!(toml::from_str::<Settings>(&before).unwrap(), preset.settings());
+        }
     }
 
     #[test]

@@ -1,14 +1,19 @@
 //! The search's grammar (the paper's Figure 2), read off the rows of the
 //! operators and the features.
 //!
-//! A [`Vocabulary`] is the set of symbols that a search may use: all of them, or
-//! those that remain when its scenes lack a feature. It makes random
-//! expressions, finds the symbols that the *replace* mutation may put in
-//! another's place, and prints itself as EBNF. What it makes is well-sorted by
-//! construction, and [`Tree`] checks it all the same.
+//! A [`Vocabulary`] is the set of symbols that a search may use: the operators of
+//! a primitive set ([`Primitives`]), and the features, or those that remain when
+//! the scenes lack one. It makes random expressions, finds the symbols that the
+//! *replace* mutation may put in another's place, and prints itself as EBNF. What
+//! it makes is well-sorted by construction, and [`Tree`] checks it all the same.
+//!
+//! A seed names a search only as long as its operators and their order stay what
+//! they are. So searches name their primitive set, and the paper's is a list of its
+//! own: a new row of the operator table is in no set that does not name it.
 
 use rand::seq::{IndexedRandom, IteratorRandom};
 use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
 
 use super::feature::{Feature, Quantity};
 use super::op::{Form, Op, Sort};
@@ -16,6 +21,70 @@ use super::tree::{Symbol, Tree};
 
 /// The paper's ⟨const⟩.
 pub const CONSTANTS: [f32; 8] = [0.1, 0.2, 0.3, 0.3333, 1.0, 2.0, 3.0, std::f32::consts::PI];
+
+/// The operators of the paper's Figure 2, in its order.
+pub const PAPER: &[Op] = &[
+    Op::Neg,
+    Op::Sin,
+    Op::Cos,
+    Op::Tan,
+    Op::Exp,
+    Op::Asin,
+    Op::Acos,
+    Op::Atan,
+    Op::Sqrt,
+    Op::Mitchell,
+    Op::Sinc,
+    Op::Epanechnikov,
+    Op::Biweight,
+    Op::Tricube,
+    Op::Mul,
+    Op::Sub,
+    Op::Add,
+    Op::Div,
+    Op::Pow,
+    Op::Dot,
+    Op::Distance2,
+    Op::Distance1,
+    Op::DistanceMax,
+];
+
+/// A set of operators that searches name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Primitives {
+    /// [`PAPER`].
+    #[default]
+    Paper,
+    /// Every row of the operator table. What a seed names changes when a row is added.
+    All,
+}
+
+impl Primitives {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Paper, Self::All];
+
+    /// The set's name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::All => "all",
+        }
+    }
+
+    /// The set of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|set| set.name() == name)
+    }
+
+    /// The operators, in the order in which random choices count them.
+    pub fn ops(self) -> &'static [Op] {
+        match self {
+            Self::Paper => PAPER,
+            Self::All => Op::ALL,
+        }
+    }
+}
 
 /// The symbols that a search may use.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,11 +108,11 @@ pub struct Limits {
 impl Vocabulary {
     /// Everything that the language has.
     pub fn all() -> Self {
-        Self::of(|_, _| true)
+        Self::of(Primitives::All, |_, _| true)
     }
 
-    /// What remains with those quantities of features that `keep` accepts.
-    pub fn of(keep: impl Fn(Feature, Quantity) -> bool) -> Self {
+    /// A primitive set with those quantities of features that `keep` accepts.
+    pub fn of(primitives: Primitives, keep: impl Fn(Feature, Quantity) -> bool) -> Self {
         let (mut variances, mut vectors) = (Vec::new(), Vec::new());
         for (feature, quantity) in Feature::terms().filter(|&(f, q)| keep(f, q)) {
             let symbol = Symbol::of(feature, quantity).expect("terms() lists what has a spelling");
@@ -57,7 +126,7 @@ impl Vocabulary {
         Self {
             constants: CONSTANTS.map(Symbol::constant).to_vec(),
             variances,
-            ops: Op::ALL.iter().copied().filter(usable).collect(),
+            ops: primitives.ops().iter().copied().filter(usable).collect(),
             vectors,
             paired: 0.0,
         }
@@ -259,7 +328,8 @@ mod tests {
 
     #[test]
     fn random_trees_keep_to_the_limits_and_the_vocabulary() {
-        let vocabulary = Vocabulary::of(|feature, _| feature != Feature::SecTexture);
+        let vocabulary =
+            Vocabulary::of(Primitives::All, |feature, _| feature != Feature::SecTexture);
         let mut rng = rng();
         let (mut deepest, mut largest) = (0, 0);
         for k in 0..20_000 {
@@ -295,7 +365,7 @@ mod tests {
 
     #[test]
     fn a_vocabulary_without_vectors_still_makes_expressions() {
-        let vocabulary = Vocabulary::of(|_, _| false);
+        let vocabulary = Vocabulary::of(Primitives::All, |_, _| false);
         assert!(!vocabulary.contains(Symbol::Op(Op::Dot)));
         let mut rng = rng();
         for _ in 0..1000 {
@@ -342,6 +412,41 @@ mod tests {
 
     #[test]
     fn the_grammar_is_the_papers_figure_2() {
-        insta::assert_snapshot!(Vocabulary::all().ebnf());
+        insta::assert_snapshot!(Vocabulary::of(Primitives::Paper, |_, _| true).ebnf());
+    }
+
+    /// Names and numbers are written out here: whatever the operator table becomes, the
+    /// paper's searches draw from these, in this order.
+    #[test]
+    fn the_papers_primitives_are_independent_of_the_operator_table() {
+        let names: Vec<&str> = PAPER.iter().map(|op| op.name()).collect();
+        let figure_2 = "- sin cos tan exp asin acos atan sqrt mitchell sinc epanechnikov biweight \
+                        tricube * - + / pow dot distance2 distance1 distanceMax";
+        assert_eq!(names, figure_2.split(' ').collect::<Vec<_>>());
+        assert!(PAPER.iter().all(|op| Op::ALL.contains(op)));
+        let count = |kind| PAPER.iter().filter(|&&op| OpKind::of(op) == kind).count();
+        assert_eq!(OpKind::ALL.map(count), [14, 5, 4]);
+        let vocabulary = Vocabulary::of(Primitives::Paper, |_, _| true);
+        assert_eq!(vocabulary.ops, PAPER);
+    }
+
+    /// The same seed has to make these trees for ever.
+    #[test]
+    fn a_seed_names_trees_of_the_papers_grammar() {
+        let vocabulary = Vocabulary::of(Primitives::Paper, |_, _| true);
+        let mut rng = rng();
+        let limits = Limits { depth: 6, nodes: 20 };
+        let trees = [(); 6].map(|()| vocabulary.random_tree(&mut rng, limits).to_string());
+        assert_eq!(
+            trees,
+            [
+                "distanceMax(nGradient, dirIllumination)",
+                "wpVariance",
+                "distance2(nGradient, worldPosition) / distanceMax(secTGradient, color) / 0.3 - 0.3",
+                "cos(dot(secTexture, depth))",
+                "wpVariance - tVariance",
+                "dot(wpGradient, normal)",
+            ]
+        );
     }
 }

@@ -6,6 +6,7 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 
 use crate::evolve::{Preset, Settings};
+use crate::expr::grammar::Primitives;
 use crate::plan::Precision;
 use crate::scene::metric::Measure;
 
@@ -81,6 +82,8 @@ const PARAMETERS: &[Parameter] = parameters! {
         "What the initial population are mutants of";
     "initial-mutations" "N" initial_mutations:
         "Most mutations between it and them";
+    "primitives" "SET" primitives:
+        "The operators that expressions are made of: paper (its Figure 2), or all that the language has";
     "forbid" "NAME,..." forbidden:
         "Features and operators that expressions must not use";
     "finalists" "N" finalists:
@@ -155,6 +158,17 @@ impl Text for Precision {
     fn parsed(text: &str) -> Result<Self, String> {
         Self::named(text).ok_or_else(|| {
             format!("must be {}", Self::ALL.map(|p| format!("`{}`", p.name())).join(" or "))
+        })
+    }
+}
+
+impl Text for Primitives {
+    fn text(&self) -> String {
+        self.name().to_owned()
+    }
+    fn parsed(text: &str) -> Result<Self, String> {
+        Self::named(text).ok_or_else(|| {
+            format!("must be {}", Self::ALL.map(|set| format!("`{}`", set.name())).join(" or "))
         })
     }
 }
@@ -280,6 +294,7 @@ mod tests {
             let other = match parameter.flag {
                 "error" => "rel-mse".to_owned(),
                 "precision" => "fast".to_owned(),
+                "primitives" => "all".to_owned(),
                 "initial" => "gaussian".to_owned(),
                 "forbid" => "depth,sin".to_owned(),
                 "racing" => "on".to_owned(),
