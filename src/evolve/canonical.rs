@@ -11,7 +11,7 @@ use crate::expr::{Op, Symbol, Tree};
 /// Whether an operator's operands may be exchanged. The vector operators'
 /// cannot: one is read at pixel i, the other at j.
 fn commutes(op: Op) -> bool {
-    matches!(op, Op::Add | Op::Mul)
+    matches!(op, Op::Add | Op::Mul | Op::Min | Op::Max)
 }
 
 /// The tree with the operands of every commuting operator in order: the

@@ -4,6 +4,7 @@
 //! ±[`LIMIT`] what the operands' ranges do not already keep inside.
 
 use super::builder::{Builder, DIVISOR_MIN, LIMIT};
+use super::derivative::{sign, unless_limited};
 use super::function::{Binary, Budget, Fast, Unary};
 use super::interval::Interval;
 use super::op::{VectorFunction, limited};
@@ -24,6 +25,69 @@ pub const NEG: Unary = Unary {
     meaning: |x| -x,
     build: Builder::neg,
     range: |x| -x,
+    derivative: |b, _, _| b.constant(-1.0),
+    budget: ROUNDED,
+    fast: FAST,
+    short: None,
+};
+
+/// Absolute value.
+pub const ABS: Unary = Unary {
+    meaning: f64::abs,
+    build: Builder::abs,
+    range: Interval::abs,
+    derivative: |b, x, _| sign(b, x),
+    budget: ROUNDED,
+    fast: FAST,
+    short: None,
+};
+
+/// Leaky rectifier: the operand, or a hundredth of it below zero.
+pub const LEAKY: Unary = Unary {
+    meaning: |x| x.max(f64::from(LEAK) * x),
+    build: |b, x| {
+        let leak = b.constant(LEAK);
+        let below = b.mul(x, leak);
+        b.max(x, below)
+    },
+    range: |x| x.increasing(|x| x.max(LEAK * x)),
+    derivative: |b, x, _| {
+        let (leak, one) = (b.constant(LEAK), b.constant(1.0));
+        b.select_below(x, 0.0, leak, one)
+    },
+    budget: ROUNDED,
+    fast: FAST,
+    short: None,
+};
+
+/// The slope of [`LEAKY`] below zero.
+const LEAK: f32 = 0.01;
+
+/// Minimum.
+pub const MIN: Binary = Binary {
+    meaning: f64::min,
+    build: Builder::min,
+    range: |x, y| Interval::new(x.lo.min(y.lo), x.hi.min(y.hi)),
+    derivatives: |b, x, y, _| {
+        let (zero, one) = (b.constant(0.0), b.constant(1.0));
+        let by_x = b.select_lt(x, y, one, zero);
+        [by_x, b.select_lt(x, y, zero, one)]
+    },
+    budget: ROUNDED,
+    fast: FAST,
+    short: None,
+};
+
+/// Maximum.
+pub const MAX: Binary = Binary {
+    meaning: f64::max,
+    build: Builder::max,
+    range: |x, y| Interval::new(x.lo.max(y.lo), x.hi.max(y.hi)),
+    derivatives: |b, x, y, _| {
+        let (zero, one) = (b.constant(0.0), b.constant(1.0));
+        let by_x = b.select_lt(y, x, one, zero);
+        [by_x, b.select_lt(y, x, zero, one)]
+    },
     budget: ROUNDED,
     fast: FAST,
     short: None,
@@ -37,6 +101,10 @@ pub const ADD: Binary = Binary {
         b.limited(sum)
     },
     range: |x, y| bounded(x + y),
+    derivatives: |b, _, _, sum| {
+        let one = b.constant(1.0);
+        [unless_limited(b, sum, one); 2]
+    },
     budget: ROUNDED,
     fast: FAST,
     short: None,
@@ -50,6 +118,11 @@ pub const SUB: Binary = Binary {
         b.limited(difference)
     },
     range: |x, y| bounded(x - y),
+    derivatives: |b, _, _, difference| {
+        let one = b.constant(1.0);
+        let by_x = unless_limited(b, difference, one);
+        [by_x, b.neg(by_x)]
+    },
     budget: ROUNDED,
     fast: FAST,
     short: None,
@@ -63,6 +136,7 @@ pub const MUL: Binary = Binary {
         b.limited(product)
     },
     range: |x, y| bounded(x * y),
+    derivatives: |b, x, y, product| [y, x].map(|factor| unless_limited(b, product, factor)),
     budget: ROUNDED,
     fast: FAST,
     short: None,
@@ -91,6 +165,17 @@ pub const DIV: Binary = Binary {
         // One part in a million covers the rounding of a reciprocal.
         bounded((x / divisor).widened(1e-6, f32::MIN_POSITIVE))
     },
+    derivatives: |b, _, y, quotient| {
+        let divisor = away_from_zero(b, y);
+        let one = b.constant(1.0);
+        let by_x = b.div(one, divisor);
+        let by_x = b.limited(by_x);
+        let by_divisor = b.div(quotient, divisor);
+        let by_divisor = b.limited(by_divisor);
+        let minus_by_y = outside(b, y, DIVISOR_MIN, by_divisor);
+        let by_y = b.neg(minus_by_y);
+        [by_x, by_y].map(|derivative| unless_limited(b, quotient, derivative))
+    },
     budget: Budget { ulp: 1.5, absolute: f32::MIN_POSITIVE as f64 },
     fast: Fast { within: LIMIT, budget: Budget { ulp: 4.0, absolute: f32::MIN_POSITIVE as f64 } },
     short: None,
@@ -112,6 +197,11 @@ pub const DOT: VectorFunction = VectorFunction {
         b.limited(sum)
     },
     differences: false,
+    derivatives: |b, pairs, sum| {
+        let by_pair =
+            |&(x, y): &(Value, Value)| (unless_limited(b, sum, y), unless_limited(b, sum, x));
+        pairs.iter().map(by_pair).collect()
+    },
     budget: Budget { ulp: 0.5, absolute: 4e-7 },
 };
 
@@ -134,6 +224,18 @@ pub const DISTANCE2: VectorFunction = VectorFunction {
         b.limited(distance)
     },
     differences: true,
+    derivatives: |b, pairs, distance| {
+        // Below this the derivative fades to 0 where the vectors are equal.
+        let least = b.constant(DIVISOR_MIN);
+        let divisor = b.max(distance, least);
+        let parts = pairs.iter().map(|&(x, y)| {
+            let difference = difference(b, x, y);
+            let cosine = b.div(difference, divisor);
+            b.clamp(cosine, -1.0, 1.0)
+        });
+        let parts: Vec<Value> = parts.collect();
+        opposite(b, distance, parts)
+    },
     budget: Budget { ulp: 3.0, absolute: 1e-19 },
 };
 
@@ -145,6 +247,14 @@ pub const DISTANCE1: VectorFunction = VectorFunction {
         b.limited(sum)
     },
     differences: true,
+    derivatives: |b, pairs, distance| {
+        let parts = pairs.iter().map(|&(x, y)| {
+            let difference = difference(b, x, y);
+            sign(b, difference)
+        });
+        let parts: Vec<Value> = parts.collect();
+        opposite(b, distance, parts)
+    },
     budget: Budget { ulp: 2.0, absolute: f32::MIN_POSITIVE as f64 },
 };
 
@@ -156,8 +266,48 @@ pub const DISTANCE_MAX: VectorFunction = VectorFunction {
         b.limited(greatest)
     },
     differences: true,
+    derivatives: |b, pairs, greatest| {
+        let zero = b.constant(0.0);
+        // 1 until the first of the greatest components has been met.
+        let mut unmet = b.constant(1.0);
+        let mut parts = Vec::with_capacity(pairs.len());
+        for &(x, y) in pairs {
+            let difference = difference(b, x, y);
+            let magnitude = b.abs(difference);
+            let sign = sign(b, difference);
+            let part = b.mul(sign, unmet);
+            parts.push(b.select_lt(magnitude, greatest, zero, part));
+            unmet = b.select_lt(magnitude, greatest, unmet, zero);
+        }
+        opposite(b, greatest, parts)
+    },
     budget: ROUNDED,
 };
+
+/// The derivative where |x| is at least the bound, 0 elsewhere.
+fn outside(b: &mut Builder, x: Value, bound: f32, derivative: Value) -> Value {
+    let (magnitude, zero) = (b.abs(x), b.constant(0.0));
+    b.select_below(magnitude, bound, zero, derivative)
+}
+
+/// `x - y`, of the difference that a distance is made from.
+fn difference(b: &mut Builder, x: Value, y: Value) -> Value {
+    if y < x {
+        let negated = b.sub(y, x);
+        return b.neg(negated);
+    }
+    b.sub(x, y)
+}
+
+/// The derivatives of a function of differences: by components at j they are minus those
+/// by components at i.
+fn opposite(b: &mut Builder, result: Value, parts: Vec<Value>) -> Vec<(Value, Value)> {
+    let pair = |part| {
+        let by_i = unless_limited(b, result, part);
+        (by_i, b.neg(by_i))
+    };
+    parts.into_iter().map(pair).collect()
+}
 
 fn distance(b: &mut Builder, x: Value, y: Value) -> Value {
     let difference = b.sub(x, y);

@@ -2,9 +2,11 @@
 //!
 //! The *meaning* is exact, in f64, and total: a finite value within
 //! ±[`LIMIT`](super::builder::LIMIT) for all finite operands. The *making* emits
-//! primitives. The *range* encloses what the made code can return. The *budget*
-//! says how far the made code may be from the meaning; tests measure it, and no
-//! test has a tolerance of its own.
+//! primitives. The *range* encloses what the made code can return. The *derivative*
+//! emits primitives too: what the meaning's derivative is, guards and clamps
+//! included ([`derivative`](super::derivative) says what that is at kinks). The
+//! *budget* says how far the made code may be from the meaning; tests measure it,
+//! and no test has a tolerance of its own.
 
 use super::builder::Builder;
 use super::interval::Interval;
@@ -55,6 +57,8 @@ pub struct Unary {
     pub build: fn(&mut Builder, Value) -> Value,
     /// Encloses every result that `build`'s code gives on the operand's range.
     pub range: fn(Interval) -> Interval,
+    /// Emits the derivative, given the operand and what `build` gave for it.
+    pub derivative: fn(&mut Builder, Value, Value) -> Value,
     /// How far apart the two may be.
     pub budget: Budget,
     /// How far apart they may be in a fast shader.
@@ -73,6 +77,9 @@ pub struct Binary {
     pub build: fn(&mut Builder, Value, Value) -> Value,
     /// Encloses every result that `build`'s code gives on the operands' ranges.
     pub range: fn(Interval, Interval) -> Interval,
+    /// Emits the derivatives by either operand, given the operands and what `build` gave
+    /// for them.
+    pub derivatives: fn(&mut Builder, Value, Value, Value) -> [Value; 2],
     /// How far apart the two may be.
     pub budget: Budget,
     /// How far apart they may be in a fast shader.

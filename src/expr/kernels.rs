@@ -21,7 +21,8 @@
 //! | `tricube` | 7 | 3.024 | 1.8e-7 | 3.1 ulp or 1.5e-7 |
 
 use super::builder::{Builder, DIVISOR_MIN};
-use super::elementary::{enclosure, horner};
+use super::derivative::{inside, of_even};
+use super::elementary::{COS, enclosure, horner};
 use super::function::{Budget, Fast, Unary};
 use super::interval::Interval;
 use super::tape::Value;
@@ -54,10 +55,25 @@ pub const MITCHELL: Unary = Unary {
             [a.lo, a.hi, LOWEST.clamp(a.lo, a.hi)].map(|x| (MITCHELL.meaning)(x.into()));
         enclosure(MITCHELL.budget, lowest, first.max(last))
     },
+    derivative: |b, x, _| mitchell_slope(b, x),
     budget: Budget { ulp: 0.0, absolute: 1e-7 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 0.0, absolute: 1e-6 } },
     short: None,
 };
+
+/// (7/2 |x| - 4) |x|, or t (4 - 7 t) / 6 with t = 2 - |x|, and the sign of x.
+fn mitchell_slope(b: &mut Builder, x: Value) -> Value {
+    let (one, two) = (b.constant(1.0), b.constant(2.0));
+    let a = b.abs(x);
+    let a = b.min(a, two);
+    let inner = horner(b, a, &[-4.0, 3.5]);
+    let inner = b.mul(a, inner);
+    let t = b.sub(two, a);
+    let outer = horner(b, t, &[2.0 / 3.0, -7.0 / 6.0]);
+    let outer = b.mul(t, outer);
+    let slope = b.select_lt(a, one, inner, outer);
+    of_even(b, x, slope)
+}
 
 fn mitchell(b: &mut Builder, x: Value) -> Value {
     let (one, two) = (b.constant(1.0), b.constant(2.0));
@@ -103,10 +119,37 @@ pub const SINC: Unary = Unary {
         let envelope = std::f32::consts::FRAC_1_PI / nearest * 1.000_001;
         SINC_RANGE.clamped(-envelope, envelope)
     },
+    derivative: sinc_slope,
     budget: Budget { ulp: 4.5, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 4.5, absolute: 2e-6 } },
     short: None,
 };
+
+/// sinc' r / r, in powers of r^2: the Taylor series, to 1e-6 on |r| <= 1/2.
+const SINC_SLOPE: [f32; 6] =
+    [-3.289_868, 3.246_969_7, -1.144_510_9, 0.209_182_78, -0.023_460_81, 0.001_781_145_5];
+
+/// (cos(pi x) - sinc x) / x, and a series near 0, where that cancels.
+fn sinc_slope(b: &mut Builder, x: Value, y: Value) -> Value {
+    let (half, minus_two) = (b.constant(0.5), b.constant(-2.0));
+    let a = b.abs(x);
+    let small = b.min(a, half);
+    let z = b.mul(small, small);
+    let series = horner(b, z, &SINC_SLOPE);
+    let near = b.mul(small, series);
+
+    let t = b.mul(a, half);
+    let turns = b.round(t);
+    let r = b.fma(turns, minus_two, a);
+    let pi = b.constant(std::f32::consts::PI);
+    let angle = b.mul(r, pi);
+    let cosine = (COS.build)(b, angle);
+    let difference = b.sub(cosine, y);
+    let divisor = b.max(a, half);
+    let far = b.div(difference, divisor);
+    let slope = b.select_lt(a, half, near, far);
+    of_even(b, x, slope)
+}
 
 /// The first minimum, at 1.43, rounded outwards; and the peak.
 const SINC_RANGE: Interval = Interval { lo: -0.217_234, hi: 1.0 };
@@ -138,10 +181,19 @@ pub const EPANECHNIKOV: Unary = Unary {
     meaning: |x| 0.75 * (1.0 - x * x).max(0.0),
     build: epanechnikov,
     range: |x| bump(EPANECHNIKOV, x),
+    derivative: |b, x, _| slope_inside(b, x, -1.5),
     budget: Budget { ulp: 1.5, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 1.5, absolute: 1e-6 } },
     short: None,
 };
+
+/// scale * x, of a kernel that ends at 1.
+fn slope_inside(b: &mut Builder, x: Value, scale: f32) -> Value {
+    let scale = b.constant(scale);
+    let x = b.clamp(x, -1.0, 1.0);
+    let slope = b.mul(x, scale);
+    inside(b, x, 1.0, slope)
+}
 
 fn epanechnikov(b: &mut Builder, x: Value) -> Value {
     let scale = b.constant(-0.75);
@@ -154,6 +206,11 @@ pub const BIWEIGHT: Unary = Unary {
     meaning: |x| 15.0 / 16.0 * (1.0 - x * x).max(0.0).powi(2),
     build: biweight,
     range: |x| bump(BIWEIGHT, x),
+    derivative: |b, x, _| {
+        let slope = slope_inside(b, x, 3.75);
+        let minus_parabola = minus_parabola(b, x);
+        b.mul(slope, minus_parabola)
+    },
     budget: Budget { ulp: 3.5, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 3.5, absolute: 1e-6 } },
     short: None,
@@ -184,6 +241,17 @@ pub const TRICUBE: Unary = Unary {
     meaning: |x| 70.0 / 81.0 * (1.0 - x.abs().powi(3)).max(0.0).powi(3),
     build: tricube,
     range: |x| bump(TRICUBE, x),
+    derivative: |b, x, _| {
+        let (one, minus_one, scale) = (b.constant(1.0), b.constant(-1.0), b.constant(-70.0 / 9.0));
+        let a = b.abs(x);
+        let a = b.min(a, one);
+        let square = b.mul(a, a);
+        let minus_base = b.fma(square, a, minus_one);
+        let base_squared = b.mul(minus_base, minus_base);
+        let scaled = b.mul(square, scale);
+        let slope = b.mul(scaled, base_squared);
+        of_even(b, x, slope)
+    },
     budget: Budget { ulp: 3.1, absolute: 1.5e-7 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 3.1, absolute: 1e-6 } },
     short: None,

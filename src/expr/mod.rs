@@ -8,6 +8,7 @@
 pub mod arithmetic;
 pub mod builder;
 pub mod codebook;
+pub mod derivative;
 pub mod elementary;
 pub mod feature;
 pub mod function;

@@ -1,10 +1,13 @@
 //! THE operator table: one row per operator of the language (the paper's
-//! Figure 2), read by everything that knows operators: parser, printer,
-//! grammar, f64 meaning, tape, ranges, documentation.
+//! Figure 2, and what filters that are tuned need beside it), read by everything
+//! that knows operators: parser, printer, grammar, f64 meaning, tape, ranges,
+//! documentation. Searches draw from primitive sets ([`grammar`](super::grammar));
+//! the paper's is a list of its own, so that a new row changes no preset. Rows are
+//! added at the end.
 //!
 //! A row says how the operator is written, what it means (exactly, in f64), how
-//! it is made of primitives, what its results range over and how far the made
-//! code may be from the meaning. To add an operator, add a row; a new
+//! it is made of primitives, what its results range over, what its derivative is and
+//! how far the made code may be from the meaning. To add an operator, add a row; a new
 //! *primitive* is only needed where the existing ones cannot make it, and then
 //! the compiler names every place that must learn it.
 //!
@@ -39,6 +42,10 @@ pub enum Syntax {
     Infix(u8),
 }
 
+/// Emits the derivatives with respect to both components of every pair, given the pairs and
+/// the function's own result.
+pub type PairDerivatives = fn(&mut Builder, &[(Value, Value)], Value) -> Vec<(Value, Value)>;
+
 /// A function of a vector at pixel i and a vector at pixel j, given as pairs of
 /// components. A narrower vector is padded with zero components.
 #[derive(Clone, Copy, Debug)]
@@ -47,6 +54,9 @@ pub struct VectorFunction {
     pub meaning: fn(&[(f64, f64)]) -> f64,
     /// Emits the function of component pairs.
     pub build: fn(&mut Builder, &[(Value, Value)]) -> Value,
+    /// Emits the derivatives by both components of every pair, given the pairs and what
+    /// `build` gave for them.
+    pub derivatives: PairDerivatives,
     /// Whether the function looks at nothing but the components' differences,
     /// so that both vectors may be shifted alike.
     pub differences: bool,
@@ -177,6 +187,20 @@ operators! {
         "Manhattan distance of a at i and b at j", "clamped to LIMIT";
     DistanceMax: "distanceMax", Call, V(arithmetic::DISTANCE_MAX), "\\|#1 - #2\\|_{\\max}",
         "Chebyshev distance of a at i and b at j", "clamped to LIMIT";
+    Log: "log", Call, U(elementary::LOG), "\\log #1",
+        "natural logarithm", "arguments below the smallest normal number, 0 and negative ones among them, count as that number: log(0) is about -87.3";
+    Abs: "abs", Call, U(arithmetic::ABS), "\\lvert{#1}\\rvert",
+        "absolute value", "none";
+    Tanh: "tanh", Call, U(elementary::TANH), "\\tanh #1",
+        "hyperbolic tangent", "none";
+    Logistic: "logistic", Call, U(elementary::LOGISTIC), "\\operatorname{logistic}(#1)",
+        "logistic function 1 / (1 + exp(-x))", "at least 1 / LIMIT";
+    Leaky: "leaky", Call, U(arithmetic::LEAKY), "\\operatorname{leaky}(#1)",
+        "leaky rectifier: x, or x / 100 where x < 0", "none";
+    Min: "min", Call, B(arithmetic::MIN), "\\min({#1}, {#2})",
+        "the smaller one", "none";
+    Max: "max", Call, B(arithmetic::MAX), "\\max({#1}, {#2})",
+        "the greater one", "none";
 }
 
 impl Op {

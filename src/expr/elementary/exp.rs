@@ -17,6 +17,7 @@ pub const EXP: Unary = Unary {
     meaning,
     build: exp,
     range: |x| range(x, BUDGET),
+    derivative,
     budget: BUDGET,
     fast: FAST,
     short: Some(&SHORT_EXP),
@@ -28,6 +29,7 @@ pub const SHORT_EXP: Unary = Unary {
     meaning,
     build: short_exp,
     range: |x| range(x, SHORT_BUDGET),
+    derivative,
     budget: SHORT_BUDGET,
     fast: FAST,
     short: None,
@@ -61,6 +63,12 @@ fn range(x: Interval, budget: Budget) -> Interval {
         return Interval::point(0.0);
     }
     enclosure(budget, meaning(x.lo.into()), meaning(x.hi.into())).clamped(0.0, LIMIT)
+}
+
+/// The exponential itself, where it is not clamped.
+fn derivative(b: &mut Builder, x: Value, y: Value) -> Value {
+    let zero = b.constant(0.0);
+    b.select_below(x, ARGUMENT_MAX, y, zero)
 }
 
 fn exp(b: &mut Builder, x: Value) -> Value {

@@ -4,6 +4,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 
 use super::{enclosure, horner};
 use crate::expr::builder::{Builder, LIMIT};
+use crate::expr::derivative::inside;
 use crate::expr::function::{Budget, Fast, Unary};
 use crate::expr::tape::Value;
 
@@ -18,6 +19,7 @@ pub const ASIN: Unary = Unary {
         enclosure(ASIN.budget, (ASIN.meaning)(x.lo.into()), (ASIN.meaning)(x.hi.into()))
             .clamped(-FRAC_PI_2, FRAC_PI_2)
     },
+    derivative: |b, x, _| arc_slope(b, x),
     budget: Budget { ulp: 2.5, absolute: 0.0 },
     fast: Fast { within: 1.0, budget: Budget { ulp: 8.0, absolute: 1e-6 } },
     short: None,
@@ -32,6 +34,10 @@ pub const ACOS: Unary = Unary {
         enclosure(ACOS.budget, (ACOS.meaning)(x.hi.into()), (ACOS.meaning)(x.lo.into()))
             .clamped(0.0, PI)
     },
+    derivative: |b, x, _| {
+        let slope = arc_slope(b, x);
+        b.neg(slope)
+    },
     budget: Budget { ulp: 1.5, absolute: 0.0 },
     fast: Fast { within: 1.0, budget: Budget { ulp: 8.0, absolute: 1e-6 } },
     short: None,
@@ -45,6 +51,11 @@ pub const ATAN: Unary = Unary {
     range: |x| {
         enclosure(ATAN.budget, f64::from(x.lo).atan(), f64::from(x.hi).atan())
             .clamped(-FRAC_PI_2, FRAC_PI_2)
+    },
+    derivative: |b, x, _| {
+        let one = b.constant(1.0);
+        let divisor = b.fma(x, x, one);
+        b.div(one, divisor)
     },
     budget: Budget { ulp: 2.0, absolute: 0.0 },
     fast: Fast { within: LIMIT, budget: Budget { ulp: 8.0, absolute: 1e-6 } },
@@ -78,6 +89,20 @@ fn arc_sine(b: &mut Builder, magnitude: Value, small: Value) -> Value {
     let tail = horner(b, z, &ARC_SINE);
     let cube = b.mul(s, z);
     b.fma(cube, tail, s)
+}
+
+/// 1 / sqrt(1 - x^2), and 0 where x is clamped.
+fn arc_slope(b: &mut Builder, x: Value) -> Value {
+    let x = b.clamp(x, -1.0, 1.0);
+    let (one, minus_x) = (b.constant(1.0), b.neg(x));
+    // Rounded once. It is 2^-23 at least, but for the ends.
+    let rest = b.fma(minus_x, x, one);
+    b.pin(rest);
+    let least = b.constant(f32::EPSILON / 2.0);
+    let rest = b.max(rest, least);
+    let root = b.sqrt(rest);
+    let slope = b.div(one, root);
+    inside(b, x, 1.0, slope)
 }
 
 fn asin(b: &mut Builder, x: Value) -> Value {

@@ -34,6 +34,9 @@
 //! | `acos` | 19 | 1.274 | 1.5 ulp |
 //! | `atan` | 18 | 1.976 | 2 ulp |
 //! | `sqrt` | 2 | 0.500 | 0.5 ulp |
+//! | `log` | 15 | 1.136 | 1.5 ulp |
+//! | `tanh` | 15 | 5.554 | 6 ulp |
+//! | `logistic` | 17 | 2.481 | 2.5 ulp |
 //! | `pow` | 54 | 2.130 | 3.5 ulp, or 1.1e-19 for what subnormal bases give |
 //!
 //! An ignored test measures it again:
@@ -44,14 +47,18 @@
 
 mod exp;
 mod inverse;
+mod log;
 mod power;
+mod sigmoid;
 #[cfg(test)]
 pub(crate) mod suite;
 mod trig;
 
 pub use exp::{EXP, SHORT_EXP};
 pub use inverse::{ACOS, ASIN, ATAN};
+pub use log::LOG;
 pub use power::{POW, SHORT_POW, SQRT};
+pub use sigmoid::{LOGISTIC, TANH};
 pub use trig::{COS, SIN, TAN};
 
 use super::builder::Builder;
@@ -84,7 +91,7 @@ mod tests {
     use super::super::tape::{Input, Instr, Prim, Side, Tape};
     use super::*;
 
-    suite::conforms!(exp: EXP short_exp: SHORT_EXP sin: SIN cos: COS tan: TAN asin: ASIN acos: ACOS atan: ATAN sqrt: SQRT);
+    suite::conforms!(exp: EXP short_exp: SHORT_EXP sin: SIN cos: COS tan: TAN asin: ASIN acos: ACOS atan: ATAN sqrt: SQRT log: LOG tanh: TANH logistic: LOGISTIC);
 
     /// Random bit patterns seldom have a power that is neither 0 nor clamped:
     /// these exponents make one that is spread evenly over all magnitudes.
@@ -268,6 +275,12 @@ mod tests {
         near(ACOS, -1.0, std::f64::consts::PI);
         near(ATAN, 1.0, std::f64::consts::FRAC_PI_4);
         near(SQRT, -1.0, 0.0);
+        near(LOG, std::f64::consts::E, 1.0);
+        near(LOG, 0.0, -87.336_544_750_553_1);
+        near(LOG, -5.0, (LOG.meaning)(0.0));
+        near(TANH, 0.5, 0.462_117_157_260_009_76);
+        near(LOGISTIC, 0.0, 0.5);
+        near(LOGISTIC, -1e9, 1e-18);
         near(SIN, 1e9, (SIN.meaning)(1e5));
     }
 }

@@ -24,8 +24,10 @@
 use std::f32::consts::{LN_2, LOG2_E};
 
 use super::exp::short_exp2;
+use super::log::LOG;
 use super::{enclosure, horner};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
+use crate::expr::derivative::{of_even, unless_limited};
 use crate::expr::function::{Binary, Budget, Fast, Unary};
 use crate::expr::interval::Interval;
 use crate::expr::tape::{Native, Value};
@@ -35,6 +37,14 @@ pub const SQRT: Unary = Unary {
     meaning: |x| x.max(0.0).sqrt(),
     build: sqrt,
     range: |x| x.clamped(0.0, f32::INFINITY).increasing(f32::sqrt),
+    derivative: |b, x, root| {
+        // The least root whose derivative is within the limit.
+        let (half, least, zero) = (b.constant(0.5), b.constant(0.5 / LIMIT), b.constant(0.0));
+        let divisor = b.max(root, least);
+        let slope = b.div(half, divisor);
+        let slope = b.limited(slope);
+        b.select_lt(zero, x, slope, zero)
+    },
     budget: Budget { ulp: 0.5, absolute: 0.0 },
     fast: Fast { within: LIMIT, budget: Budget { ulp: 5.0, absolute: 1.1e-19 } },
     short: None,
@@ -58,6 +68,7 @@ pub const POW: Binary = Binary {
     meaning,
     build: pow,
     range: |x, y| range(x, y, BUDGET),
+    derivatives,
     budget: BUDGET,
     fast: FAST,
     short: Some(&SHORT_POW),
@@ -70,6 +81,7 @@ pub const SHORT_POW: Binary = Binary {
     meaning,
     build: short_pow,
     range: |x, y| range(x, y, SHORT_BUDGET),
+    derivatives,
     budget: SHORT_BUDGET,
     fast: FAST,
     short: None,
@@ -196,6 +208,33 @@ fn sqrt(b: &mut Builder, x: Value) -> Value {
     let zero = b.constant(0.0);
     let x = b.max(x, zero);
     b.sqrt(x)
+}
+
+/// y x^y / x and x^y log |x|.
+fn derivatives(b: &mut Builder, x: Value, y: Value, power: Value) -> [Value; 2] {
+    let (zero, one) = (b.constant(0.0), b.constant(1.0));
+    let magnitude = b.abs(x);
+    let normal = at_least_normal(b, magnitude);
+    let product = b.mul(y, power);
+    // A divisor by which no quotient is beyond the limit, nor anything on the way.
+    let size = b.abs(product);
+    let least = b.constant(DIVISOR_MIN);
+    let least = b.mul(size, least);
+    let divisor = b.max(normal, least);
+    let quotient = b.div(product, divisor);
+    let quotient = b.limited(quotient);
+    let by_x = of_even(b, x, quotient);
+    // What is no normal number counts as 0, whose powers are 0, or x itself.
+    let is_one = b.select_lt(one, y, zero, one);
+    let of_zero = b.select_lt(y, one, zero, is_one);
+    let smallest = b.constant(f32::MIN_POSITIVE);
+    let by_x = b.select_lt(magnitude, smallest, of_zero, by_x);
+
+    let log = (LOG.build)(b, magnitude);
+    let by_y = b.mul(power, log);
+    let by_y = b.limited(by_y);
+    let by_y = b.select_lt(magnitude, smallest, zero, by_y);
+    [by_x, by_y].map(|derivative| unless_limited(b, power, derivative))
 }
 
 fn pow(b: &mut Builder, x: Value, y: Value) -> Value {
@@ -375,7 +414,8 @@ fn logarithm(b: &mut Builder, x: Value, of_zero: Option<f32>) -> Parts {
     Parts { high, ..log }
 }
 
-fn at_least_normal(b: &mut Builder, magnitude: Value) -> Value {
+/// `magnitude`, or the least normal number where it is none.
+pub(super) fn at_least_normal(b: &mut Builder, magnitude: Value) -> Value {
     let smallest = b.constant(f32::MIN_POSITIVE);
     b.max(magnitude, smallest)
 }
@@ -403,7 +443,7 @@ fn logarithm_of_power(b: &mut Builder, [high, low]: [Value; 2]) -> Parts {
 
 /// e, h and f with x = 2^e (1 + f) for positive normal x, 1 + f in [sqrt(1/2), sqrt(2)),
 /// and h = f / 2. Both differences are exact.
-fn split(b: &mut Builder, x: Value) -> [Value; 3] {
+pub(super) fn split(b: &mut Builder, x: Value) -> [Value; 3] {
     let e = b.exponent(x);
     let fraction = b.fraction(x);
     let half = b.constant(0.5);

@@ -12,6 +12,7 @@ use std::f32::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
 use super::{enclosure, horner};
 use crate::expr::builder::Builder;
+use crate::expr::derivative::inside;
 use crate::expr::function::{Budget, Fast, Unary};
 use crate::expr::interval::Interval;
 use crate::expr::tape::Value;
@@ -33,6 +34,10 @@ pub const SIN: Unary = Unary {
             Interval::new(-1.0, 1.0)
         }
     },
+    derivative: |b, x, _| {
+        let cosine = cos(b, x);
+        inside(b, x, ARGUMENT_MAX, cosine)
+    },
     budget: Budget { ulp: 2.0, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 2.0, absolute: 2e-6 } },
     short: None,
@@ -50,6 +55,11 @@ pub const COS: Unary = Unary {
         } else {
             Interval::new(-1.0, 1.0)
         }
+    },
+    derivative: |b, x, _| {
+        let sine = sin(b, x);
+        let minus_sine = b.neg(sine);
+        inside(b, x, ARGUMENT_MAX, minus_sine)
     },
     budget: Budget { ulp: 2.1, absolute: 0.0 },
     fast: Fast { within: 8.0, budget: Budget { ulp: 2.1, absolute: 2e-6 } },
@@ -71,6 +81,11 @@ pub const TAN: Unary = Unary {
         } else {
             Interval::new(-TANGENT_MAX, TANGENT_MAX)
         }
+    },
+    derivative: |b, x, y| {
+        let one = b.constant(1.0);
+        let slope = b.fma(y, y, one);
+        inside(b, x, ARGUMENT_MAX, slope)
     },
     budget: Budget { ulp: 3.2, absolute: 0.0 },
     fast: Fast { within: 1.0, budget: Budget { ulp: 8.0, absolute: 2e-6 } },
