@@ -10,7 +10,8 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use tamis::backend::{Backend, Interpreter, Jit, Width};
 use tamis::expr::{Tree, codebook};
-use tamis::plan::{Passes, Plan, Window};
+use tamis::filter::Window;
+use tamis::plan::{Passes, Plan};
 use tamis::scene::{Facts, LoadOptions, Needs, Scene};
 
 fn compile(criterion: &mut Criterion) {

@@ -44,7 +44,8 @@ use tamis::evolve::{
     Settings, TrainingScene,
 };
 use tamis::expr::Tree;
-use tamis::plan::{Passes, Precision, Window};
+use tamis::filter::Window;
+use tamis::plan::{Passes, Precision};
 use tamis::scene::{Image, LoadOptions, Needs, Scene};
 
 const SCENES: [&str; 6] = ["foundry", "meadow", "old_town", "print_shop", "still_life", "study"];

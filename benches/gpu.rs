@@ -33,8 +33,10 @@ use tamis::backend::gpu::{Gpu, Options};
 use tamis::backend::shader::Loads;
 use tamis::backend::{Backend, Executable, Jit, Rect, oracle};
 use tamis::expr::{Tree, codebook};
+use tamis::filter::Gather;
+use tamis::filter::{Filter, Window};
 use tamis::plan::Precision;
-use tamis::plan::{Filter, Passes, Plan, Source, Stage, Window};
+use tamis::plan::{Passes, Plan};
 use tamis::report::{Align, Format, Table};
 use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Scene};
 
@@ -127,7 +129,7 @@ fn filters() -> Vec<(String, Tree)> {
         .map(|name| (name.to_owned(), codebook::named(name).expect("a known filter").clone()));
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/data/filters/tamis-1.toml");
     let evolved = Filter::read(path.as_ref()).expect("the project's own filter");
-    let weight = evolved.stages[0].weight.clone();
+    let weight = evolved.paper().expect("one gather").weight.clone();
     named.into_iter().chain([(evolved.name, weight)]).collect()
 }
 
@@ -182,7 +184,7 @@ fn measure(gpus: &[Gpu], scene: &Scene, weight: &Tree, radius: u32, rounds: usiz
             .map_or("-".to_owned(), |time| format!("{:.1}", time.as_secs_f64() * 1e3))
     };
     let rect = Rect { x: 0, y: height / 2, width: width.min(288), height: 1 };
-    let stage = Stage { weight: weight.clone(), window, source: Source::Color };
+    let stage = Gather::of_color(weight.clone(), window);
     let exact = oracle::filter(scene, &stage, rect);
     let error = |code: &dyn Executable| {
         let got = code.run(scene, &[rect]).expect("inside the image").swap_remove(0).pixels;

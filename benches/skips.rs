@@ -22,7 +22,8 @@ use std::time::Instant;
 use clap::Parser;
 use tamis::backend::{Backend, Executable, Jit, Rect};
 use tamis::expr::{Tree, codebook};
-use tamis::plan::{Filter, PASSES, Passes, Plan, Window};
+use tamis::filter::{Filter, Window};
+use tamis::plan::{PASSES, Passes, Plan};
 use tamis::report::{Align, Format, Table, number};
 use tamis::scene::{Facts, Image, LoadOptions, Metrics, Needs, Scene, SceneFiles, discover};
 
@@ -85,13 +86,13 @@ fn main() {
     print!("{}", table.render(Format::Markdown));
 }
 
-/// The named filters and those that come with the program.
+/// The named filters and those that come with the program and are single weights.
 fn every_filter() -> Vec<Tree> {
     let shipped = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/data/filters"));
     let files = shipped.read_dir().expect("the project's own filters");
     let mut files: Vec<PathBuf> = files.map(|file| file.expect("readable").path()).collect();
     files.sort();
-    let shipped = files.iter().map(|path| read(path));
+    let shipped = files.iter().filter_map(|path| weight(path));
     codebook::known().iter().map(|known| known.weight.clone()).chain(shipped).collect()
 }
 
@@ -104,8 +105,12 @@ fn filter(text: &str) -> Tree {
 }
 
 fn read(path: &Path) -> Tree {
+    weight(path).unwrap_or_else(|| panic!("{}: a program of several stages", path.display()))
+}
+
+fn weight(path: &Path) -> Option<Tree> {
     let filter = Filter::read(path).unwrap_or_else(|error| panic!("{error}"));
-    filter.stages[0].weight.clone()
+    Some(filter.paper()?.weight.clone())
 }
 
 fn table(arguments: &Arguments, filters: &[Tree], scenes: &[SceneFiles]) -> Table {

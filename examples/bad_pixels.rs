@@ -18,7 +18,8 @@ use std::process::Command;
 
 use tamis::backend::{Backend, Jit, Rect};
 use tamis::expr::{Feature, Quantity};
-use tamis::plan::{Filter, Passes, Plan, Stage};
+use tamis::filter::{Filter, Gather};
+use tamis::plan::{Passes, Plan};
 use tamis::report::{Align, Format, Table, number};
 use tamis::scene::{Facts, Image, LoadOptions, Metrics, Needs, RawScene, Repair, SceneFiles};
 
@@ -67,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let reference = Image::load_reference(reference)?;
 
     let filter = Filter::read(Path::new(FILTER))?;
-    let [stage] = filter.stages.as_slice() else { return Err("a filter of one stage".into()) };
+    let Some(stage) = filter.paper() else { return Err("a filter of one gather".into()) };
     let mut denoisers: Vec<(String, Denoise<'_>, &[Fault])> = Vec::new();
     // The clean scene has nothing to be left in.
     let ways = [(Repair::Median, "", &FAULTS[..]), (Repair::None, " --repair none", &FAULTS[1..])];
@@ -138,7 +139,7 @@ fn compare(image: &Image, clean: &Image) -> (usize, usize) {
     (pixels().filter(is_changed).count(), pixels().filter(is_broken).count())
 }
 
-fn tamis(raw: &RawScene, stage: &Stage, options: &LoadOptions) -> Result<Image, Box<dyn Error>> {
+fn tamis(raw: &RawScene, stage: &Gather, options: &LoadOptions) -> Result<Image, Box<dyn Error>> {
     let needs = Needs::planes(stage.weight.planes());
     let scene = raw.clone().prepare(&needs, stage.window.reach() as usize, options)?;
     let weights = std::slice::from_ref(&stage.weight);

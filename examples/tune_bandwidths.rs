@@ -18,7 +18,7 @@ use std::error::Error;
 use tamis::backend::Interpreter;
 use tamis::evolve::{Coverage, Fitness, ImageFitness, TrainingScene};
 use tamis::expr::{Tree, codebook};
-use tamis::plan::Window;
+use tamis::filter::Window;
 use tamis::scene::{ColorScale, Image, LoadOptions, Needs, Scene, discover};
 
 const RADIUS: u32 = 10;

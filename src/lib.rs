@@ -12,7 +12,8 @@
 //! ```
 //! use tamis::backend::{Backend, Interpreter, Rect};
 //! use tamis::expr::{Feature, Quantity, Tree};
-//! use tamis::plan::{Passes, Plan, Window};
+//! use tamis::filter::Window;
+//! use tamis::plan::{Passes, Plan};
 //! use tamis::scene::{Facts, LoadOptions, Needs, RawScene};
 //!
 //! // 1. An expression: nearby pixels with similar normals count most.
@@ -59,6 +60,7 @@ pub mod cli;
 pub mod evolve;
 pub mod export;
 pub mod expr;
+pub mod filter;
 pub mod plan;
 pub mod report;
 pub mod scene;

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use tamis::backend::{ACCURACY, Backend, Filtered, Interpreter, Rect};
 use tamis::expr::{Feature, Quantity, Tree, codebook};
-use tamis::plan::{Filter, Passes, Plan, Window};
+use tamis::filter::{Filter, Window};
+use tamis::plan::{Passes, Plan};
 use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Repair, Scene};
 
 use fixture::{PAD, parse, prepare, raw};
@@ -34,7 +35,7 @@ fn filters() -> Vec<Named> {
     let shipped = ["tamis-1", "tamis-2"].map(|name| {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("data/filters/{name}.toml"));
         let filter = Filter::read(&path).expect("it ships with the program");
-        (name.to_owned(), filter.stages[0].weight.clone(), true)
+        (name.to_owned(), filter.paper().expect("one gather").weight.clone(), true)
     });
     named.chain(shipped).collect()
 }

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use tamis::backend::{Backend, Interpreter, Rect};
 use tamis::expr::{Feature, PlaneId, Quantity};
-use tamis::plan::{Filter, Passes, Plan};
+use tamis::filter::Filter;
+use tamis::plan::{Passes, Plan};
 use tamis::scene::{Facts, Image, LoadOptions, Metrics, Needs, Note, RawScene};
 
 /// A wall of 32 by 32 pixels with a lamp of 3 by 3 in its middle.
@@ -47,7 +48,7 @@ fn shipped() -> Filter {
 #[test]
 fn a_lamp_in_view_stays_a_lamp_and_its_surroundings_stay_dark() {
     let filter = shipped();
-    let stage = &filter.stages[0];
+    let stage = filter.paper().expect("one gather");
     let pad = stage.window.reach() as usize;
     let scene = lamp_in_view(3.0)
         .prepare(&Needs::everything(), pad, &LoadOptions::default())

@@ -4,7 +4,8 @@ mod fixture;
 
 use tamis::backend::{ACCURACY, Backend, Interpreter, Rect};
 use tamis::expr::{Feature, Quantity, Tree, codebook};
-use tamis::plan::{Passes, Plan, Window};
+use tamis::filter::Window;
+use tamis::plan::{Passes, Plan};
 use tamis::scene::{Facts, RawScene, Scene};
 
 use fixture::{bred, parse, prepare, raw};

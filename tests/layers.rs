@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 const FLOORS: &[&[&str]] = &[
     &["expr"],
     &["scene"],
+    &["filter"],
     &["plan"],
     &["backend"],
     &["evolve", "export", "report", "stress"],

@@ -13,7 +13,8 @@ use tamis::expr::op::Form;
 use tamis::expr::tape::{Axis, Input, Instr, Side, Tape};
 use tamis::expr::tree::component_pairs;
 use tamis::expr::{Feature, PlaneId, Quantity, Symbol, Tree};
-use tamis::plan::{PASSES, Passes, Plan, Precision, Tapes, Window};
+use tamis::filter::Window;
+use tamis::plan::{PASSES, Passes, Plan, Precision, Tapes};
 use tamis::scene::{Fact, Facts};
 
 /// Trees, and pairs of pixels that each is evaluated for.
@@ -112,6 +113,7 @@ impl Pair {
     /// The results of tapes, all of whose values are held to their intervals.
     fn weights(&self, tapes: &Tapes, tree: &Tree) -> Vec<f32> {
         let per_tap = evaluated(&tapes.tap, tree, |input| match input {
+            Input::Signal(..) => panic!("only programs have stages"),
             Input::Offset(Axis::X) => self.offset[0],
             Input::Offset(Axis::Y) => self.offset[1],
             other => panic!("{other:?} is not known per tap"),
@@ -127,6 +129,7 @@ impl Pair {
             Input::PerTap(k) => per_tap[k as usize],
             Input::PerPixel(k, Side::I) => per_pixel[0][k as usize],
             Input::PerPixel(k, Side::J) => per_pixel[1][k as usize],
+            Input::Signal(..) => panic!("only programs have stages"),
             Input::Offset(Axis::X) => self.offset[0],
             Input::Offset(Axis::Y) => self.offset[1],
         })
@@ -157,6 +160,16 @@ impl Pair {
                     stack.push(Operand::Vector(feature, Quantity::Gradient));
                     continue;
                 }
+                (
+                    Symbol::Stage(_)
+                    | Symbol::Param(_)
+                    | Symbol::Offset
+                    | Symbol::At(_)
+                    | Symbol::Part(_)
+                    | Symbol::Many(..)
+                    | Symbol::Linear(_),
+                    _,
+                ) => panic!("the paper's grammar makes no {symbol:?}"),
                 (Symbol::Op(op), operands) => match (op.row().form, operands) {
                     (Form::Unary(f), [Operand::Scalar(x)]) => (f.range)(*x),
                     (Form::Binary(f), [Operand::Scalar(x), Operand::Scalar(y)]) => {

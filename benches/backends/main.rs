@@ -37,7 +37,8 @@ use clap::Parser;
 use tamis::backend::{Backend, Executable, Filtered, Interpreter, Jit, Rect, Width, oracle};
 use tamis::evolve::{Coverage, Fitness, ImageFitness, TrainingScene};
 use tamis::expr::{Tree, codebook};
-use tamis::plan::{Filter, Passes, Plan, Precision, Source, Stage, Window};
+use tamis::filter::{Filter, Gather, Window};
+use tamis::plan::{Passes, Plan, Precision};
 use tamis::report::{Align, Format, Table, number};
 use tamis::scene::{Facts, Image, LoadOptions, Needs, Scene, SceneFiles, discover};
 
@@ -123,7 +124,7 @@ fn run(code: &dyn Executable, scene: &Scene, rect: Rect) -> Filtered {
 /// is promised of any of its pixels.
 fn error(scene: &Scene, weight: &Tree, code: &dyn Executable) -> f64 {
     let window = Window::dense(RADIUS);
-    let stage = Stage { weight: weight.clone(), window, source: Source::Color };
+    let stage = Gather::of_color(weight.clone(), window);
     let (width, height) = (scene.layout().width(), scene.layout().height());
     let rect = Rect { x: 0, y: height / 2, width, height: 1 };
     let got = run(code, scene, rect);
@@ -425,7 +426,8 @@ fn main() {
         .map(|text| text.parse().expect("bred trees are expressions"))
         .collect();
     let shipped = Filter::read(&Path::new(DATA).join("filters/tamis-2.toml"));
-    let shipped = shipped.expect("the project's own filter").stages.swap_remove(0).weight;
+    let shipped =
+        shipped.expect("the project's own filter").paper().expect("one gather").weight.clone();
     let mut named: Vec<(&str, &Tree)> =
         codebook::known().iter().map(|known| (known.name, &known.weight)).collect();
     named.push(("tamis-2", &shipped));

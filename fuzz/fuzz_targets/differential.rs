@@ -12,7 +12,8 @@ use libfuzzer_sys::fuzz_target;
 use tamis::backend::{Backend, Chains, Filtered, Interpreter, Jit, Rect, Width};
 use tamis::expr::grammar::Vocabulary;
 use tamis::expr::{Feature, Quantity, Sort, Symbol, Tree};
-use tamis::plan::{Passes, Plan, Precision, Window};
+use tamis::filter::Window;
+use tamis::plan::{Passes, Plan, Precision};
 use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Scene};
 
 /// Most symbols of an expression: long enough for spills, short enough for many

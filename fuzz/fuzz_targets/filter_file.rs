@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
-use tamis::plan::Filter;
+use tamis::filter::Filter;
 
 fuzz_target!(|text: &str| {
     let path = Path::new("fuzzed.toml");

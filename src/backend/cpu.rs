@@ -10,7 +10,7 @@ use super::converged::Changes;
 use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, holds, inside};
 use crate::expr::PlaneId;
 use crate::expr::tape::{Axis, Input, Side};
-use crate::plan::{Plan, Run, Tapes};
+use crate::plan::{GatherKernel, Plan, Run, Tapes};
 use crate::scene::Scene;
 use crate::scene::plane::{Layout, Lines, Plane, Samples};
 
@@ -34,23 +34,30 @@ pub(super) fn tapes(plan: &Plan) -> &Tapes {
 /// ends interpret them: they are a 441st of the work, and compiling them would
 /// cost more than it saves.
 pub(super) struct Rates {
-    reach: usize,
-    runs: Vec<Run>,
+    sums: Sums,
     tap: Program,
     pixel: Program,
     weights: usize,
-    signed: bool,
-    mirrored: bool,
     converged: bool,
+}
+
+/// How the sums over a window are made.
+pub(super) struct Sums {
+    reach: usize,
+    runs: Vec<Run>,
+    per_tap: usize,
+    /// Sums per pixel.
+    results: usize,
+    mirrored: bool,
 }
 
 /// How a strip's sums lie in their buffer: `results` runs of `stride` values
 /// per row, of which those from `first` on belong to the strip's pixels.
 #[derive(Clone, Copy)]
-struct SumShape {
-    results: usize,
-    stride: usize,
-    first: usize,
+pub(super) struct SumShape {
+    pub(super) results: usize,
+    pub(super) stride: usize,
+    pub(super) first: usize,
 }
 
 /// A part of a strip whose sums were made.
@@ -65,14 +72,16 @@ struct Stretch<'a> {
 /// All that the pair tape reads of a scene.
 pub(super) struct Frame<'a> {
     pub(super) layout: Layout,
-    /// R, G, B, one: zero outside of the image.
-    pub(super) channels: [&'a [f32]; CHANNELS],
+    /// What is averaged, and one: zero outside of the image.
+    pub(super) channels: Vec<&'a [f32]>,
     /// Sources of the planes that the pair tape reads, by plane.
-    planes: Vec<(PlaneId, Cow<'a, [f32]>)>,
+    pub(super) planes: Vec<(PlaneId, Cow<'a, [f32]>)>,
+    /// Of a program: the planes that the pair tape reads as signals.
+    pub(super) signals: Vec<&'a [f32]>,
     /// The pixel tape's results, each a padded plane.
     pub(super) per_pixel: Vec<Lines>,
     /// The tap tape's results: those of the first tap, then of the second, …
-    per_tap: Vec<f32>,
+    pub(super) per_tap: Vec<f32>,
 }
 
 impl Frame<'_> {
@@ -95,13 +104,20 @@ pub(super) struct Taps<'a> {
 
 /// What a thread keeps from one strip to the next.
 #[derive(Default)]
-struct Scratch<S> {
+pub(super) struct Scratch<S> {
     summer: S,
     sums: Vec<f32>,
     /// What the row at hand owes to those below, run by run.
     owed: Vec<f32>,
     /// Sums that nobody asked for.
     waste: Vec<f32>,
+}
+
+impl<S> Scratch<S> {
+    /// The sums that were made last.
+    pub(super) fn sums(&self) -> &[f32] {
+        &self.sums
+    }
 }
 
 /// Makes the sums of some pixels.
@@ -133,14 +149,18 @@ impl Rates {
     pub(super) fn new(plan: &Plan) -> Self {
         let tapes = tapes(plan);
         let mirrored = plan.mirrored().is_some();
-        Self {
+        let sums = Sums {
             reach: plan.support().reach() as usize,
             runs: if mirrored { plan.taps().half() } else { plan.taps().runs() }.to_vec(),
+            per_tap: tapes.tap.results().len(),
+            results: plan.weights() * (CHANNELS + usize::from(plan.signed())),
+            mirrored,
+        };
+        Self {
+            sums,
             tap: Program::new(&tapes.tap),
             pixel: Program::new(&tapes.pixel),
             weights: plan.weights(),
-            signed: plan.signed(),
-            mirrored,
             converged: plan.skips_converged(),
         }
     }
@@ -153,11 +173,11 @@ impl Rates {
         scene: &Scene,
         region: &[Rect],
     ) -> Result<Vec<Filtered>, BackendError> {
-        holds(plan, scene)?;
+        holds(plan.facts(), scene)?;
         inside(scene, region)?;
         let strips = self.strips(region);
         let frame = self.gather(plan, scene, &strips)?;
-        let changes = if self.converged { Changes::of(scene, self.reach) } else { None };
+        let changes = if self.converged { Changes::of(scene, self.sums.reach) } else { None };
         let parts: Vec<Vec<Filtered>> = strips
             .par_iter()
             .map_init(Scratch::<S::Scratch>::default, |scratch, &strip| {
@@ -168,10 +188,7 @@ impl Rates {
                     None => vec![strip],
                 };
                 for stretch in stretches {
-                    let shape = match self.mirrored {
-                        true => self.sum_mirrored(summer, &frame, stretch, scratch)?,
-                        false => self.sum(summer, &frame, stretch, scratch)?,
-                    };
+                    let shape = self.sums.add(summer, &frame, &frame.per_tap, stretch, scratch)?;
                     let stretch = Stretch { rect: stretch, strip, changes: changes.as_ref() };
                     for (weight, filtered) in filtered.iter_mut().enumerate() {
                         self.resolve(stretch, weight, shape, &scratch.sums, filtered);
@@ -190,94 +207,6 @@ impl Rates {
         Ok(filtered)
     }
 
-    /// Sums per pixel.
-    fn results(&self) -> usize {
-        self.weights * (CHANNELS + usize::from(self.signed))
-    }
-
-    /// The sums of a strip over all taps.
-    fn sum<S: Summer>(
-        &self,
-        summer: &S,
-        frame: &Frame<'_>,
-        strip: Rect,
-        scratch: &mut Scratch<S::Scratch>,
-    ) -> Result<SumShape, BackendError> {
-        let results = self.results();
-        let stride = strip.width.next_multiple_of(summer.step());
-        let Scratch { summer: memory, sums, .. } = scratch;
-        clear(sums, strip.height * results * stride);
-        let taps = Taps { runs: &self.runs, values: &frame.per_tap, per_tap: self.tap.results() };
-        summer.add(frame, taps, strip, memory, sums, &mut [])?;
-        Ok(SumShape { results, stride, first: 0 })
-    }
-
-    /// The same, with every pair of pixels computed once.
-    ///
-    /// Row by row from the top, each row is summed over its half of the window,
-    /// and what it owes to the rows below is added there: so a row has got all
-    /// that the rows above it owe when its own turn comes, in the order of
-    /// [`crate::plan::Taps`]. Rows above the strip, and columns beside it, are
-    /// computed for what they owe to it alone.
-    fn sum_mirrored<S: Summer>(
-        &self,
-        summer: &S,
-        frame: &Frame<'_>,
-        strip: Rect,
-        scratch: &mut Scratch<S::Scratch>,
-    ) -> Result<SumShape, BackendError> {
-        let (layout, results) = (frame.layout, self.results());
-        let left = strip.x.saturating_sub(self.reach);
-        let right = (strip.x + strip.width + self.reach).min(layout.width());
-        let stride = (right - left).next_multiple_of(summer.step());
-        let row_of_sums = results * stride;
-        let Scratch { summer: memory, sums, owed, waste } = scratch;
-        clear(sums, strip.height * row_of_sums);
-        clear(owed, self.runs.len() * results * layout.stride());
-        clear(waste, row_of_sums);
-        let per_tap = self.tap.results();
-        let bottom = strip.y + strip.height;
-        for y in strip.y.saturating_sub(self.reach)..bottom {
-            // Of a row above the strip, the nearest runs end before it.
-            let short = |run: &&Run| y + (run.dy as usize) < strip.y;
-            let (skipped, skipped_taps) = self
-                .runs
-                .iter()
-                .take_while(short)
-                .fold((0, 0), |(runs, taps), run| (runs + 1, taps + run.count as usize));
-            let taps = Taps {
-                runs: &self.runs[skipped..],
-                values: &frame.per_tap[skipped_taps * per_tap..],
-                per_tap,
-            };
-            let own = match y.checked_sub(strip.y) {
-                Some(row) => &mut sums[row * row_of_sums..][..row_of_sums],
-                None => waste.as_mut_slice(),
-            };
-            let owed = &mut owed[..taps.runs.len() * results * layout.stride()];
-            let rect = Rect { x: left, y, width: right - left, height: 1 };
-            summer.add(frame, taps, rect, memory, own, owed)?;
-            for (run, owed) in
-                taps.runs.iter().zip(owed.chunks_exact_mut(results * layout.stride()))
-            {
-                let target = y + run.dy as usize;
-                // What a pixel owes to itself it has got.
-                if target < bottom && !run.is_center() {
-                    let sums = &mut sums[(target - strip.y) * row_of_sums..][..row_of_sums];
-                    let rows = owed.chunks_exact(layout.stride());
-                    for (sums, owed) in sums.chunks_exact_mut(stride).zip(rows) {
-                        let owed = &owed[layout.pad() + left..layout.pad() + right];
-                        for (sum, owed) in sums.iter_mut().zip(owed) {
-                            *sum += owed;
-                        }
-                    }
-                }
-                owed.fill(0.0);
-            }
-        }
-        Ok(SumShape { results, stride, first: strip.x - left })
-    }
-
     fn gather<'a>(
         &self,
         plan: &Plan,
@@ -285,8 +214,8 @@ impl Rates {
         strips: &[Rect],
     ) -> Result<Frame<'a>, BackendError> {
         let layout = scene.layout();
-        if self.reach > layout.pad() {
-            return Err(BackendError::Padding { reach: self.reach, pad: layout.pad() });
+        if self.sums.reach > layout.pad() {
+            return Err(BackendError::Padding { reach: self.sums.reach, pad: layout.pad() });
         }
         let mut planes = Vec::new();
         for id in plan.planes() {
@@ -299,11 +228,12 @@ impl Rates {
             };
             planes.push((id, samples));
         }
-        let offsets: Vec<[i32; 2]> = self.runs.iter().flat_map(|run| run.offsets()).collect();
+        let offsets: Vec<[i32; 2]> = self.sums.runs.iter().flat_map(|run| run.offsets()).collect();
         let mut frame = Frame {
             layout,
-            channels: channels(scene),
+            channels: channels(scene).to_vec(),
             planes,
+            signals: Vec::new(),
             per_pixel: Vec::new(),
             per_tap: per_tap(&self.tap, &offsets),
         };
@@ -315,13 +245,13 @@ impl Rates {
     fn strips(&self, region: &[Rect]) -> Vec<Rect> {
         let mut strips = Vec::new();
         for &rect in region.iter().filter(|rect| rect.width > 0) {
-            let height = match self.mirrored {
+            let height = match self.sums.mirrored {
                 true => {
                     let parts = match rayon::current_num_threads() {
                         1 => 1,
                         threads => TALL_STRIPS * threads,
                     };
-                    rect.height.div_ceil(parts).max(2 * self.reach).max(STRIP)
+                    rect.height.div_ceil(parts).max(2 * self.sums.reach).max(STRIP)
                 }
                 false => STRIP,
             };
@@ -343,12 +273,12 @@ impl Rates {
         if values == 0 {
             return planes;
         }
-        let rows: Vec<(usize, usize)> = match self.mirrored {
+        let rows: Vec<(usize, usize)> = match self.sums.mirrored {
             true => {
                 let mut read = vec![false; layout.height()];
                 for strip in strips {
-                    let bottom = (strip.y + strip.height + self.reach).min(layout.height());
-                    read[strip.y.saturating_sub(self.reach)..bottom].fill(true);
+                    let bottom = (strip.y + strip.height + self.sums.reach).min(layout.height());
+                    read[strip.y.saturating_sub(self.sums.reach)..bottom].fill(true);
                 }
                 let rows = read.iter().enumerate().filter(|&(_, &read)| read);
                 rows.map(|(y, _)| (y * layout.stride(), layout.stride())).collect()
@@ -380,6 +310,7 @@ impl Rates {
                         Input::Plane(_, Side::J)
                         | Input::Offset(_)
                         | Input::PerPixel(..)
+                        | Input::Signal(..)
                         | Input::PerTap(_) => {
                             unreachable!("the pixel tape reads planes at i only")
                         }
@@ -413,14 +344,15 @@ impl Rates {
         sums: &[f32],
         filtered: &mut Filtered,
     ) {
-        let per_weight = CHANNELS + usize::from(self.signed);
+        let per_weight = self.sums.results / self.weights;
+        let signed = per_weight > CHANNELS;
         for row in 0..rect.height {
             let result = |channel: usize| {
                 let index = row * shape.results + weight * per_weight + channel;
                 &sums[index * shape.stride + shape.first..][..rect.width]
             };
             let [r, g, b, total] = [0, 1, 2, 3].map(result);
-            let magnitude = if self.signed { result(CHANNELS) } else { total };
+            let magnitude = if signed { result(CHANNELS) } else { total };
             let converged = |k: usize| {
                 changes.is_some_and(|changes| changes.is_converged(rect.x + k, rect.y + row))
             };
@@ -439,6 +371,127 @@ impl Rates {
                 }
             }
         }
+    }
+}
+
+impl Sums {
+    /// How the sums of a program's gather are made.
+    pub(super) fn of_kernel(kernel: &GatherKernel) -> Self {
+        let variance = usize::from(kernel.variance.is_some());
+        let channels = kernel.channels.len() + variance + 1;
+        Self {
+            reach: kernel.reach,
+            runs: kernel.runs.clone(),
+            per_tap: kernel.tap.results().len(),
+            results: (1 + variance) * (channels + usize::from(kernel.signed)),
+            mirrored: kernel.mirrored,
+        }
+    }
+
+    /// Sums per pixel.
+    pub(super) fn results(&self) -> usize {
+        self.results
+    }
+
+    /// The sums of a strip, to be found in the scratch memory. `per_tap` is what the tap
+    /// tape gives.
+    pub(super) fn add<S: Summer>(
+        &self,
+        summer: &S,
+        frame: &Frame<'_>,
+        per_tap: &[f32],
+        strip: Rect,
+        scratch: &mut Scratch<S::Scratch>,
+    ) -> Result<SumShape, BackendError> {
+        match self.mirrored {
+            true => self.sum_mirrored(summer, frame, per_tap, strip, scratch),
+            false => self.sum(summer, frame, per_tap, strip, scratch),
+        }
+    }
+
+    /// The sums of a strip over all taps.
+    fn sum<S: Summer>(
+        &self,
+        summer: &S,
+        frame: &Frame<'_>,
+        per_tap: &[f32],
+        strip: Rect,
+        scratch: &mut Scratch<S::Scratch>,
+    ) -> Result<SumShape, BackendError> {
+        let results = self.results;
+        let stride = strip.width.next_multiple_of(summer.step());
+        let Scratch { summer: memory, sums, .. } = scratch;
+        clear(sums, strip.height * results * stride);
+        let taps = Taps { runs: &self.runs, values: per_tap, per_tap: self.per_tap };
+        summer.add(frame, taps, strip, memory, sums, &mut [])?;
+        Ok(SumShape { results, stride, first: 0 })
+    }
+
+    /// The same, with every pair of pixels computed once.
+    ///
+    /// Row by row from the top, each row is summed over its half of the window,
+    /// and what it owes to the rows below is added there: so a row has got all
+    /// that the rows above it owe when its own turn comes, in the order of
+    /// [`crate::plan::Taps`]. Rows above the strip, and columns beside it, are
+    /// computed for what they owe to it alone.
+    fn sum_mirrored<S: Summer>(
+        &self,
+        summer: &S,
+        frame: &Frame<'_>,
+        values: &[f32],
+        strip: Rect,
+        scratch: &mut Scratch<S::Scratch>,
+    ) -> Result<SumShape, BackendError> {
+        let (layout, results) = (frame.layout, self.results);
+        let left = strip.x.saturating_sub(self.reach);
+        let right = (strip.x + strip.width + self.reach).min(layout.width());
+        let stride = (right - left).next_multiple_of(summer.step());
+        let row_of_sums = results * stride;
+        let Scratch { summer: memory, sums, owed, waste } = scratch;
+        clear(sums, strip.height * row_of_sums);
+        clear(owed, self.runs.len() * results * layout.stride());
+        clear(waste, row_of_sums);
+        let per_tap = self.per_tap;
+        let bottom = strip.y + strip.height;
+        for y in strip.y.saturating_sub(self.reach)..bottom {
+            // Of a row above the strip, the nearest runs end before it.
+            let short = |run: &&Run| y + (run.dy as usize) < strip.y;
+            let (skipped, skipped_taps) = self
+                .runs
+                .iter()
+                .take_while(short)
+                .fold((0, 0), |(runs, taps), run| (runs + 1, taps + run.count as usize));
+            let taps = Taps {
+                runs: &self.runs[skipped..],
+                values: &values[skipped_taps * per_tap..],
+                per_tap,
+            };
+            let own = match y.checked_sub(strip.y) {
+                Some(row) => &mut sums[row * row_of_sums..][..row_of_sums],
+                None => waste.as_mut_slice(),
+            };
+            let owed = &mut owed[..taps.runs.len() * results * layout.stride()];
+            let rect = Rect { x: left, y, width: right - left, height: 1 };
+            summer.add(frame, taps, rect, memory, own, owed)?;
+            for (run, owed) in
+                taps.runs.iter().zip(owed.chunks_exact_mut(results * layout.stride()))
+            {
+                let target = y + run.dy as usize;
+                // What a pixel owes to itself it has got.
+                if target < bottom && !run.is_center() {
+                    let sums = &mut sums[(target - strip.y) * row_of_sums..][..row_of_sums];
+                    let rows = owed.chunks_exact(layout.stride());
+                    for (sums, owed) in sums.chunks_exact_mut(stride).zip(rows) {
+                        let owed = &owed[layout.pad() + left..layout.pad() + right];
+                        for (sum, owed) in sums.iter_mut().zip(owed) {
+                            *sum += owed;
+                        }
+                    }
+                }
+                owed.fill(0.0);
+            }
+        }
+        Ok(SumShape { results, stride, first: strip.x - left })
     }
 }
 
@@ -475,7 +528,7 @@ pub(super) fn dense_taps(plan: &Plan) -> Vec<f32> {
 
 /// Evaluates the tap tape on offsets: the results of the first tap, then of the
 /// second, …
-fn per_tap(tape: &Program, offsets: &[[i32; 2]]) -> Vec<f32> {
+pub(super) fn per_tap(tape: &Program, offsets: &[[i32; 2]]) -> Vec<f32> {
     let (taps, values) = (offsets.len(), tape.results());
     if values == 0 || taps == 0 {
         return Vec::new();
@@ -491,7 +544,7 @@ fn per_tap(tape: &Program, offsets: &[[i32; 2]]) -> Vec<f32> {
         .map(|input| match input {
             Input::Offset(Axis::X) => Arg::Block(x.as_chunks().0),
             Input::Offset(Axis::Y) => Arg::Block(y.as_chunks().0),
-            Input::Plane(..) | Input::PerPixel(..) | Input::PerTap(_) => {
+            Input::Plane(..) | Input::PerPixel(..) | Input::PerTap(_) | Input::Signal(..) => {
                 unreachable!("the tap tape reads offsets only")
             }
         })

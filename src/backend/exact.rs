@@ -5,7 +5,9 @@ use rayon::prelude::*;
 use super::oracle::{self, Exact as Pixel};
 use super::{ACCURACY, TRUSTED_SHARE, TRUSTED_SUM, color_at};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect, inside};
-use crate::plan::{Plan, Source, Stage};
+use crate::expr::Tree;
+use crate::filter::Gather;
+use crate::plan::Plan;
 use crate::scene::Scene;
 
 /// The [`oracle`] as a back end. Only the last step rounds to `f32`, so that colours are
@@ -25,17 +27,13 @@ impl Backend for Exact {
     }
 
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
-        let stage = |weight: &_| Stage {
-            weight: Clone::clone(weight),
-            window: plan.window(),
-            source: Source::Color,
-        };
+        let stage = |weight: &Tree| Gather::of_color(weight.clone(), plan.window());
         Ok(Box::new(Meaning { stages: plan.expressions().iter().map(stage).collect() }))
     }
 }
 
 struct Meaning {
-    stages: Vec<Stage>,
+    stages: Vec<Gather>,
 }
 
 impl Executable for Meaning {
@@ -51,7 +49,7 @@ impl Executable for Meaning {
     }
 }
 
-fn filter(scene: &Scene, stage: &Stage, region: &[Rect]) -> Filtered {
+fn filter(scene: &Scene, stage: &Gather, region: &[Rect]) -> Filtered {
     let rows: Vec<Rect> = region
         .iter()
         .flat_map(|&rect| (0..rect.height).map(move |k| Rect { y: rect.y + k, height: 1, ..rect }))

@@ -3,10 +3,11 @@
 use super::block::{
     Arg, BLOCK, Block as Sums, Chunk, LANES, Program, Slots, accumulate, accumulate_magnitude,
 };
-use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, tapes};
+use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, run, tapes};
+use super::program::{Compiled, Engine, Mapper};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::tape::{Input, Side};
-use crate::plan::Plan;
+use crate::plan::{self, GatherKernel, MapKernel, Plan};
 use crate::scene::Scene;
 
 /// Interprets tapes over blocks of pixels.
@@ -20,15 +21,16 @@ struct Interpreted {
 }
 
 /// The pair tape, ready to run.
-struct Pair {
+pub(super) struct Pair {
     program: Program,
     weights: usize,
+    channels: usize,
     signed: bool,
     mirrored: bool,
 }
 
 #[derive(Default)]
-struct Scratch {
+pub(super) struct Scratch {
     slots: Slots,
     /// The sums of the current run of taps.
     partial: Sums,
@@ -47,10 +49,19 @@ impl Backend for Interpreter {
         let pair = Pair {
             program: Program::new(&tapes(plan).pair),
             weights: plan.weights(),
+            channels: CHANNELS,
             signed: plan.signed(),
             mirrored: plan.mirrored().is_some(),
         };
         Ok(Box::new(Interpreted { plan: plan.clone(), rates: Rates::new(plan), pair }))
+    }
+
+    fn runs_programs(&self) -> bool {
+        true
+    }
+
+    fn program(&self, program: &plan::Program) -> Result<Box<dyn Executable>, BackendError> {
+        Ok(Box::new(Compiled::new(self, program)?))
     }
 }
 
@@ -60,10 +71,80 @@ impl Executable for Interpreted {
     }
 }
 
+/// A map's tape, ready to run.
+pub(super) struct Map {
+    program: Program,
+}
+
+impl Engine for Interpreter {
+    type Map = Map;
+    type Gather = Pair;
+
+    fn map(&self, kernel: &MapKernel) -> Result<Map, BackendError> {
+        Ok(Map { program: Program::new(&kernel.tape) })
+    }
+
+    fn gather(&self, kernel: &GatherKernel) -> Result<Pair, BackendError> {
+        let variance = usize::from(kernel.variance.is_some());
+        Ok(Pair {
+            program: Program::new(&kernel.pair),
+            weights: 1 + variance,
+            channels: kernel.channels.len() + variance + 1,
+            signed: kernel.signed,
+            mirrored: kernel.mirrored,
+        })
+    }
+}
+
+impl Mapper for Map {
+    type Scratch = Slots;
+
+    fn row(
+        &self,
+        inputs: &[&[f32]],
+        width: usize,
+        slots: &mut Slots,
+        outputs: &mut Vec<f32>,
+    ) -> Result<usize, BackendError> {
+        let (stride, count) = (width.next_multiple_of(LANES), self.program.results());
+        outputs.resize(count * stride, 0.0);
+        for start in (0..width).step_by(BLOCK * LANES) {
+            let chunks = (width - start).div_ceil(LANES).min(BLOCK);
+            let args: Vec<Arg<'_>> = self
+                .program
+                .inputs()
+                .iter()
+                .map(|input| match *input {
+                    // The first input is the constant one.
+                    Input::Signal(k, Side::I) => blocks(&inputs[1 + k as usize][start..]),
+                    Input::Signal(_, Side::J)
+                    | Input::Plane(..)
+                    | Input::Offset(_)
+                    | Input::PerPixel(..)
+                    | Input::PerTap(_) => unreachable!("maps read signals at i alone"),
+                })
+                .collect();
+            run(&self.program, &args, slots, chunks);
+            for k in 0..count {
+                let row = &mut outputs[k * stride + start..][..chunks * LANES];
+                match self.program.result(k, &args, slots) {
+                    // Adding zero makes one zero of two, as sums of machine code do.
+                    Arg::Block(block) => {
+                        let values = block[..chunks].as_flattened();
+                        row.iter_mut().zip(values).for_each(|(to, &x)| *to = x + 0.0);
+                    }
+                    Arg::Splat(x) => row.fill(x + 0.0),
+                }
+            }
+        }
+        Ok(stride)
+    }
+}
+
 impl Pair {
     /// Sums per pixel.
     fn results(&self) -> usize {
-        self.weights * (CHANNELS + usize::from(self.signed))
+        self.weights * (self.channels + usize::from(self.signed))
     }
 
     /// Adds every weight times every channel at `at` to its sum, in order.
@@ -78,11 +159,11 @@ impl Pair {
         let mut next = || sums.next().expect("one run of sums per result");
         for k in 0..self.weights {
             let w = weight(k);
-            for channel in frame.channels {
+            for channel in &frame.channels {
                 accumulate(w, channel[at..].as_chunks().0, next());
             }
             if self.signed {
-                let one = frame.channels[CHANNELS - 1];
+                let one = frame.channels[self.channels - 1];
                 accumulate_magnitude(w, one[at..].as_chunks().0, next());
             }
         }
@@ -180,6 +261,7 @@ impl pulp::WithSimd for Block<'_> {
                         Input::PerPixel(k, side) => {
                             blocks(&frame.per_pixel[k as usize][at(side)..])
                         }
+                        Input::Signal(k, side) => blocks(&frame.signals[k as usize][at(side)..]),
                         Input::PerTap(k) => Arg::Splat(self.taps.values[tap + k as usize]),
                         Input::Offset(_) => unreachable!("offsets are read through the tap tape"),
                     });

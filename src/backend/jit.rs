@@ -4,10 +4,11 @@
 use tamis_jit::{Body, Chains, Compiler, Features, Job, Kernel, Lanes, Width, WindowSpec};
 
 use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, tapes};
+use super::program::{self, Engine, Mapper};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::feature::PlaneId;
 use crate::expr::tape::{Input, Instr, Prim, Side, Tape};
-use crate::plan::{Plan, Run};
+use crate::plan::{self, GatherKernel, MapKernel, Plan, Run};
 use crate::scene::Scene;
 
 /// Compiles tapes to machine code.
@@ -74,10 +75,76 @@ struct Compiled {
 }
 
 /// A compiled pair tape.
-struct Pair {
+pub(super) struct Pair {
     kernel: Kernel,
     /// The planes that the kernel reads after its channels.
     planes: Vec<PlaneId>,
+}
+
+/// A compiled map: a window of one tap, whose weights are the results and whose only
+/// channel is one.
+pub(super) struct Map {
+    kernel: Kernel,
+    results: usize,
+}
+
+impl Engine for Jit {
+    type Map = Map;
+    type Gather = Pair;
+
+    fn map(&self, kernel: &MapKernel) -> Result<Map, BackendError> {
+        let results = kernel.writes.len();
+        let spec = WindowSpec {
+            planes: 1 + kernel.reads.len(),
+            taps: 0,
+            channels: 1,
+            weights: results,
+            absolute: false,
+            mirrored: false,
+        };
+        let body = TapeBody { tape: &kernel.tape, planes: &[], channels: 1 };
+        Ok(Map { kernel: self.compiler.compile(spec, self.chains, &body)?, results })
+    }
+
+    fn gather(&self, kernel: &GatherKernel) -> Result<Pair, BackendError> {
+        let planes = planes(&kernel.pair);
+        let variance = usize::from(kernel.variance.is_some());
+        let channels = kernel.channels.len() + variance + 1;
+        let spec = WindowSpec {
+            planes: channels + planes.len() + kernel.reads.len(),
+            taps: kernel.tap.results().len(),
+            channels,
+            weights: 1 + variance,
+            absolute: kernel.signed,
+            mirrored: kernel.mirrored,
+        };
+        let body = TapeBody { tape: &kernel.pair, planes: &planes, channels };
+        let kernel = self.compiler.compile(spec, self.chains, &body)?;
+        Ok(Pair { kernel, planes })
+    }
+}
+
+impl Mapper for Map {
+    type Scratch = ();
+
+    fn row(
+        &self,
+        inputs: &[&[f32]],
+        width: usize,
+        (): &mut (),
+        outputs: &mut Vec<f32>,
+    ) -> Result<usize, BackendError> {
+        let step = self.kernel.step();
+        let layout = tamis_jit::Layout { width, height: 1, pad: 0, stride: width + step - 1 };
+        let runs = [tamis_jit::Run { dx: 0, dy: 0, count: 1, step: 1 }];
+        let rect = tamis_jit::Rect { x: 0..width, y: 0..1 };
+        let job = Job { layout, planes: inputs, runs: &runs, taps: &[], rect };
+        let stride = width.next_multiple_of(step);
+        outputs.clear();
+        outputs.resize(self.results * stride, 0.0);
+        self.kernel.run(&job, outputs, &mut [])?;
+        Ok(stride)
+    }
 }
 
 impl Backend for Jit {
@@ -91,10 +158,18 @@ impl Backend for Jit {
 
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
         let planes = planes(&tapes(plan).pair);
-        let body = TapeBody { tape: &tapes(plan).pair, planes: &planes };
+        let body = TapeBody { tape: &tapes(plan).pair, planes: &planes, channels: CHANNELS };
         let kernel = self.compiler.compile(spec(plan, &planes), self.chains, &body)?;
         let pair = Pair { kernel, planes };
         Ok(Box::new(Compiled { plan: plan.clone(), rates: Rates::new(plan), pair }))
+    }
+
+    fn runs_programs(&self) -> bool {
+        true
+    }
+
+    fn program(&self, program: &plan::Program) -> Result<Box<dyn Executable>, BackendError> {
+        Ok(Box::new(program::Compiled::new(self, program)?))
     }
 }
 
@@ -122,9 +197,11 @@ impl Summer for Pair {
     ) -> Result<(), BackendError> {
         let planes: Vec<&[f32]> = frame
             .channels
-            .into_iter()
+            .iter()
+            .copied()
             .chain(self.planes.iter().map(|&plane| frame.plane(plane)))
             .chain(frame.per_pixel.iter().map(|plane| &**plane))
+            .chain(frame.signals.iter().copied())
             .collect();
         let layout = tamis_jit::Layout {
             width: frame.layout.width(),
@@ -153,7 +230,7 @@ fn planes(tape: &Tape) -> Vec<PlaneId> {
         .inputs()
         .filter_map(|input| match input {
             Input::Plane(plane, _) => Some(plane),
-            Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) => None,
+            Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) | Input::Signal(..) => None,
         })
         .collect();
     planes.sort_unstable();
@@ -185,6 +262,7 @@ fn end(side: Side) -> tamis_jit::Side {
 struct TapeBody<'a> {
     tape: &'a Tape,
     planes: &'a [PlaneId],
+    channels: usize,
 }
 
 impl TapeBody<'_> {
@@ -193,10 +271,11 @@ impl TapeBody<'_> {
             Input::Plane(plane, side) => {
                 let index = self.planes.binary_search(&plane);
                 let index = index.expect("planes() listed every plane of the tape");
-                lanes.plane(CHANNELS + index, end(side))
+                lanes.plane(self.channels + index, end(side))
             }
-            Input::PerPixel(k, side) => {
-                lanes.plane(CHANNELS + self.planes.len() + k as usize, end(side))
+            // A plan has the former, a program's kernel the latter.
+            Input::PerPixel(k, side) | Input::Signal(k, side) => {
+                lanes.plane(self.channels + self.planes.len() + k as usize, end(side))
             }
             Input::PerTap(k) => lanes.tap(k as usize),
             Input::Offset(_) => unreachable!("offsets are read through the tap tape"),
@@ -249,7 +328,8 @@ mod tests {
 
     use super::*;
     use crate::expr::{Tree, codebook};
-    use crate::plan::{Filter, Passes, Window};
+    use crate::filter::{Filter, Window};
+    use crate::plan::Passes;
     use crate::scene::Facts;
 
     /// The filters that are known by name, those that ship, and bred ones.
@@ -258,11 +338,11 @@ mod tests {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let shipped = ["data/filters/tamis-1.toml", "data/filters/tamis-2.toml"];
         let shipped = shipped.map(|file| Filter::read(&root.join(file)).expect("it ships"));
-        let shipped = shipped.into_iter().flat_map(|filter| filter.stages);
+        let shipped = shipped.map(|filter| filter.paper().expect("one gather").weight.clone());
         let bred = include_str!("../../tests/fixture/bred.txt").lines();
         let bred = bred.filter(|line| !line.starts_with('#') && !line.is_empty());
         let bred = bred.map(|line| line.parse().expect("the fixture is sound"));
-        named.chain(shipped.map(|stage| stage.weight)).chain(bred).collect()
+        named.chain(shipped).chain(bred).collect()
     }
 
     /// Code for AArch64, which most machines that test cannot run, is verified and calls
@@ -281,7 +361,7 @@ mod tests {
             let tape = &tapes(&plan).pair;
             let planes = planes(tape);
             for chains in Chains::ALL {
-                let body = TapeBody { tape, planes: &planes };
+                let body = TapeBody { tape, planes: &planes, channels: CHANNELS };
                 let code = compiler.compile(spec(&plan, &planes), chains, &body);
                 let code = code.unwrap_or_else(|why| panic!("{weight}: {why}"));
                 // An instruction of the tape is one of four bytes at least, in each chain.

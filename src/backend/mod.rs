@@ -25,16 +25,18 @@ pub mod gpu;
 mod interp;
 #[cfg(feature = "jit")]
 mod jit;
+pub mod meaning;
 #[cfg(test)]
 mod numerics;
 pub mod oracle;
+mod program;
 #[cfg(feature = "gpu")]
 pub mod shader;
 #[cfg(feature = "gpu")]
 pub mod wgsl;
 
-use crate::plan::{Plan, Precision};
-use crate::scene::{Fact, Scene};
+use crate::plan::{Plan, Precision, Program, Schedule};
+use crate::scene::{Fact, Facts, Scene};
 
 pub use exact::Exact;
 #[cfg(feature = "gpu")]
@@ -153,6 +155,19 @@ pub enum BackendError {
     /// The scene was loaded without a plane that the plan reads.
     #[error("the scene was loaded without `{0}`")]
     NotLoaded(crate::expr::PlaneId),
+    /// The scene's colours are laid out for the paper's filters.
+    #[error("programs compute with linear colours, but the scene was loaded with compressed ones")]
+    ColorScale,
+    /// A filter that the back end does not run.
+    #[error(
+        "{backend} runs filters of one gather of the colour, and this one has {stages} stages; `--backend jit` and `--backend interp` run it"
+    )]
+    Unsupported {
+        /// The back end.
+        backend: &'static str,
+        /// How many stages the filter has.
+        stages: usize,
+    },
     /// The plan is specialised to facts that do not hold of the scene.
     #[error(
         "the filter was compiled for scenes in which `{plane}` {assumed}, \
@@ -188,8 +203,32 @@ pub trait Backend: Send + Sync {
     /// How its results compare to the interpreter's.
     fn agreement(&self) -> Agreement;
 
+    /// Whether it runs filters of several stages.
+    fn runs_programs(&self) -> bool {
+        false
+    }
+
     /// Makes a plan executable.
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError>;
+
+    /// Makes a program executable.
+    ///
+    /// # Errors
+    /// If that fails, or the back end runs no programs.
+    fn program(&self, program: &Program) -> Result<Box<dyn Executable>, BackendError> {
+        Err(BackendError::Unsupported { backend: self.name(), stages: program.stages.len() })
+    }
+
+    /// Makes a filter's schedule executable.
+    ///
+    /// # Errors
+    /// As [`compile`](Self::compile) and [`program`](Self::program).
+    fn schedule(&self, schedule: &Schedule) -> Result<Box<dyn Executable>, BackendError> {
+        match schedule {
+            Schedule::Paper(plan) => self.compile(plan),
+            Schedule::Program(program) => self.program(program),
+        }
+    }
 }
 
 /// A plan in executable form.
@@ -205,9 +244,9 @@ pub trait Executable: Send + Sync {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
 }
 
-/// Checks that what a plan takes for granted holds of a scene.
-fn holds(plan: &Plan, scene: &Scene) -> Result<(), BackendError> {
-    for (plane, assumed) in plan.facts().iter() {
+/// Checks that what a plan or a program takes for granted holds of a scene.
+fn holds(facts: &Facts, scene: &Scene) -> Result<(), BackendError> {
+    for (plane, assumed) in facts.iter() {
         let actual = scene.fact(plane);
         if actual == Fact::Absent {
             return Err(BackendError::NotLoaded(plane));

@@ -96,7 +96,9 @@ impl Code {
         let program = Program::new(&tape);
         let read = |input: &Input| match *input {
             Input::PerPixel(k, _) => k as usize,
-            Input::PerTap(_) | Input::Plane(..) | Input::Offset(_) => unreachable!("none is made"),
+            Input::PerTap(_) | Input::Plane(..) | Input::Offset(_) | Input::Signal(..) => {
+                unreachable!("none is made")
+            }
         };
         let reads = program.inputs().iter().map(read).collect();
         Self { op, form, primitives, program, reads }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{Rect, SMALLEST_SUM, TRUSTED_SHARE, color_at};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::tape::Side;
-use crate::plan::{Stage, Window};
+use crate::filter::{Gather, Window};
 use crate::scene::Scene;
 
 /// The exact colour of one pixel, with what is needed to judge a rounded one.
@@ -57,7 +57,7 @@ impl Exact {
 ///
 /// # Panics
 /// If the scene was loaded without a plane that the stage reads.
-pub fn difference(scene: &Scene, stage: &Stage, computed: &[[f32; 3]]) -> f64 {
+pub fn difference(scene: &Scene, stage: &Gather, computed: &[[f32; 3]]) -> f64 {
     let width = scene.layout().width();
     let rows = computed.par_chunks(width).enumerate().map(|(y, row)| {
         let exact = filter(scene, stage, Rect { x: 0, y, width, height: 1 });
@@ -71,13 +71,13 @@ pub fn difference(scene: &Scene, stage: &Stage, computed: &[[f32; 3]]) -> f64 {
 ///
 /// # Panics
 /// If the scene was loaded without a plane that the stage reads.
-pub fn filter(scene: &Scene, stage: &Stage, rect: Rect) -> Vec<Exact> {
+pub fn filter(scene: &Scene, stage: &Gather, rect: Rect) -> Vec<Exact> {
     let rows = rect.y..rect.y + rect.height;
     rows.flat_map(|y| (rect.x..rect.x + rect.width).map(move |x| pixel(scene, stage, x, y)))
         .collect()
 }
 
-fn pixel(scene: &Scene, stage: &Stage, x: usize, y: usize) -> Exact {
+fn pixel(scene: &Scene, stage: &Gather, x: usize, y: usize) -> Exact {
     let mut sums = [0.0; 3];
     let mut brightest = [0.0f64; 3];
     let (mut total, mut magnitude) = (0.0, 0.0);
@@ -94,7 +94,7 @@ fn pixel(scene: &Scene, stage: &Stage, x: usize, y: usize) -> Exact {
 }
 
 /// The exact weight of pixel j for pixel i.
-pub fn weight(scene: &Scene, stage: &Stage, i: (usize, usize), j: (usize, usize)) -> f64 {
+pub fn weight(scene: &Scene, stage: &Gather, i: (usize, usize), j: (usize, usize)) -> f64 {
     stage.weight.meaning(|plane, side| {
         let (x, y) = match side {
             Side::I => i,
@@ -112,7 +112,7 @@ fn feature(scene: &Scene, plane: PlaneId, x: usize, y: usize) -> f64 {
     }
 }
 
-fn neighbours(
+pub(super) fn neighbours(
     scene: &Scene,
     window: Window,
     x: usize,

@@ -102,9 +102,11 @@ impl Shader {
             let inputs = plan.pair().inputs().chain(plan.pixel().inputs());
             let planes = inputs.filter_map(move |input| match input {
                 Input::Plane(plane, s) if s == side => Some(plane),
-                Input::Plane(..) | Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) => {
-                    None
-                }
+                Input::Plane(..)
+                | Input::Offset(_)
+                | Input::PerPixel(..)
+                | Input::PerTap(_)
+                | Input::Signal(..) => None,
             });
             planes.collect::<BTreeSet<PlaneId>>()
         };
@@ -132,6 +134,7 @@ impl Shader {
                     unreachable!("only mirrored tapes look at pixel j through per-pixel values")
                 }
                 Input::PerTap(k) => format!("tap.{}", tap[k as usize]),
+                Input::Signal(..) => unreachable!("only programs have stages"),
             })
         };
         let Statements { lines: pixel_lines, results: pixel_results } = tape(plan.pixel());

@@ -4,7 +4,8 @@ use std::time::{Duration, Instant};
 
 use super::error::Error;
 use crate::backend::{Backend, Rect};
-use crate::plan::{Filter, Passes, Plan, Source, Stage};
+use crate::filter::{Checked, Filter, Gather};
+use crate::plan::{Passes, Schedule};
 use crate::scene::{Facts, Image, Needs, Scene};
 
 /// A filtered image, and what it took.
@@ -19,20 +20,23 @@ pub(super) struct Applied {
 
 /// The planes that a filter reads of a scene.
 pub(super) fn needs(filter: &Filter) -> Needs {
-    Needs::planes(filter.stages.iter().flat_map(|stage| stage.weight.planes()))
+    checked(filter).needs()
 }
 
 /// How far a filter looks, in pixels: the padding that its scene needs.
 pub(super) fn reach(filter: &Filter) -> usize {
-    filter.stages.iter().map(|stage| stage.window.reach() as usize).max().unwrap_or(0)
+    checked(filter).reach()
 }
 
-/// The one stage of a filter that can be applied.
-pub(super) fn stage(filter: &Filter) -> Result<&Stage, Error> {
-    match filter.stages.as_slice() {
-        [stage @ Stage { source: Source::Color, .. }] => Ok(stage),
-        stages => Err(Error::Stages { filter: filter.name.clone(), stages: stages.len() }),
-    }
+/// A filter that was checked when it was read or made.
+fn checked(filter: &Filter) -> Checked<'_> {
+    filter.check().expect("only filters that make sense get here")
+}
+
+/// The one gather of a filter of the paper's.
+pub(super) fn gather(filter: &Filter) -> Result<&Gather, Error> {
+    let stages = filter.stages.len();
+    filter.paper().ok_or_else(|| Error::Stages { filter: filter.name.clone(), stages })
 }
 
 /// Filters a scene that was loaded with the filter's [`needs`] and [`reach`].
@@ -42,21 +46,20 @@ pub(super) fn apply(
     backend: &dyn Backend,
     passes: Passes,
 ) -> Result<Applied, Error> {
-    let Stage { weight, window, source: _ } = stage(filter)?;
-    scene.require(&needs(filter))?;
+    let checked = checked(filter);
+    scene.require(&checked.required())?;
     let (scene_name, filter_name) = (scene.name(), &filter.name);
     let failed =
         |source| Error::Run { scene: scene_name.to_owned(), filter: filter_name.clone(), source };
 
     let start = Instant::now();
-    let weights = std::slice::from_ref(weight);
-    let plan = Plan::new(weights, *window, &Facts::of(scene), passes).map_err(|source| {
+    let plan = Schedule::new(&checked, &Facts::of(scene), passes).map_err(|source| {
         Error::Plan { scene: scene_name.to_owned(), filter: filter_name.clone(), source }
     })?;
     let planning = start.elapsed();
 
     let start = Instant::now();
-    let executable = backend.compile(&plan).map_err(failed)?;
+    let executable = backend.schedule(&plan).map_err(failed)?;
     let compilation = start.elapsed();
 
     let start = Instant::now();

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use crate::backend::BackendError;
 use crate::evolve;
 use crate::export::ExportError;
+use crate::filter::FilterFileError;
 use crate::plan::PlanError;
-use crate::plan::file::FilterFileError;
 use crate::scene::SceneError;
 
 /// Why a command could not do its work.
@@ -84,7 +84,7 @@ pub(super) enum Error {
     Gpu(#[from] crate::backend::gpu::GpuError),
     /// A filter of a later version's kind.
     #[error(
-        "filter `{filter}` has {stages} stages; this version applies filters of one stage: \
+        "filter `{filter}` has {stages} stages; this version applies filters of one gather of the colour: \
          split it up, or update the program"
     )]
     Stages {

@@ -10,8 +10,8 @@ use super::backend::precisions;
 use super::error::Error;
 use super::resolve::resolve;
 use crate::export::{ExportError, Language, export};
+use crate::filter::Window;
 use crate::plan::Precision;
-use crate::plan::Window;
 use crate::scene::write_atomically;
 
 const EXAMPLES: &str = "\

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::log::Log;
 use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
-use crate::plan::Plan;
+use crate::plan::{Plan, Program};
 use crate::scene::Scene;
 
 /// A back end, and another that takes over when it fails.
@@ -74,6 +74,18 @@ impl Backend for Fallback {
             }
         }
     }
+
+    fn runs_programs(&self) -> bool {
+        self.first.runs_programs() || self.behind.second.runs_programs()
+    }
+
+    /// A back end that runs no programs has not failed: the next filter may be another.
+    fn program(&self, program: &Program) -> Result<Box<dyn Executable>, BackendError> {
+        match self.first.program(program) {
+            Err(BackendError::Unsupported { .. }) => self.behind.second.program(program),
+            other => other,
+        }
+    }
 }
 
 /// A plan compiled by the first back end.
@@ -102,7 +114,8 @@ mod tests {
     use super::*;
     use crate::backend::Interpreter;
     use crate::backend::gpu::GpuError;
-    use crate::plan::{Passes, Window};
+    use crate::filter::Window;
+    use crate::plan::Passes;
     use crate::scene::{Facts, LoadOptions, Needs, RawScene};
 
     /// A device that works for some time and is then lost.

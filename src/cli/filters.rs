@@ -2,25 +2,29 @@
 
 use std::fmt::Write;
 
-use clap::Args;
+use clap::{Args, Subcommand};
 use serde::Serialize;
 
 use super::error::Error;
 use super::resolve;
 use crate::expr::codebook;
 use crate::expr::text::latex;
-use crate::plan::{Filter, shipped};
+use crate::filter::{Filter, shipped, show};
 use crate::report::score::json;
 
 const EXAMPLES: &str = "\
 Examples:
   tamis filters
-  tamis filters kan2017 --latex";
+  tamis filters kan2017 --latex
+  tamis filters show tamis-3";
 
 /// List the filters that have names.
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
 pub(super) struct Filters {
+    #[command(subcommand)]
+    show: Option<Show>,
+
     /// Filters to list: names, files or expressions [default: all that have names]
     #[arg(value_name = "FILTER")]
     filters: Vec<String>,
@@ -34,11 +38,25 @@ pub(super) struct Filters {
     json: bool,
 }
 
+#[derive(Debug, Subcommand)]
+enum Show {
+    /// Print what a filter computes: its stages as formulas, its constants, what it reads
+    /// and what stands in for what a file lacks
+    Show {
+        /// A filter's name, a filter file, or an expression
+        #[arg(value_name = "FILTER")]
+        filter: String,
+    },
+}
+
 #[derive(Serialize)]
 struct Entry {
     name: String,
     description: String,
     default: bool,
+    /// How many stages a program has; 1 for a single weight.
+    stage_count: usize,
+    /// The weight of a filter of the paper's; empty for programs.
     stages: Vec<StageEntry>,
 }
 
@@ -51,6 +69,11 @@ struct StageEntry {
 
 impl Filters {
     pub(super) fn run(&self) -> Result<String, Error> {
+        if let Some(Show::Show { filter }) = &self.show {
+            let filter = resolve::resolve(filter, None)?;
+            let checked = filter.check().expect("only filters that make sense get here");
+            return Ok(format!("{}\n\n{}", filter.name, show(&checked)));
+        }
         let every = || {
             let stand_ins = shipped::stand_ins().map(|filter| filter.name);
             resolve::names().into_iter().chain(stand_ins).collect()
@@ -67,8 +90,14 @@ impl Filters {
         for (k, entry) in entries.iter().enumerate() {
             let gap = if k > 0 { "\n" } else { "" };
             let default = if entry.default { " (default)" } else { "" };
-            let Entry { name, description, .. } = entry;
+            let Entry { name, description, stage_count, .. } = entry;
             let _ = writeln!(text, "{gap}{name}{default}: {description}");
+            if entry.stages.is_empty() {
+                let _ = writeln!(
+                    text,
+                    "  a program of {stage_count} stages: `tamis filters show {name}` prints it"
+                );
+            }
             for StageEntry { weight, radius, dilation } in &entry.stages {
                 let apart = if *dilation > 1 {
                     format!(", {dilation} pixels apart")
@@ -85,6 +114,9 @@ impl Filters {
         let known = codebook::known().iter().find(|known| known.name == filter.name);
         let description = match known {
             Some(known) => known.doc.to_owned(),
+            None if shipped::programs().any(|program| program.name == filter.name) => {
+                "written by hand, its constants tuned by gradients on data/train".to_owned()
+            }
             None if shipped::bred().any(|bred| bred.name == filter.name) => {
                 "bred by this program".to_owned()
             }
@@ -93,13 +125,15 @@ impl Filters {
             }
             None => "given on the command line".to_owned(),
         };
-        let stages = filter.stages.iter().map(|stage| StageEntry {
-            weight: if self.latex { latex(&stage.weight) } else { stage.weight.to_string() },
-            radius: stage.window.radius,
-            dilation: stage.window.dilation,
+        let stage_count = filter.stages.len();
+        let stages = filter.paper().into_iter().map(|gather| StageEntry {
+            weight: if self.latex { latex(&gather.weight) } else { gather.weight.to_string() },
+            radius: gather.window.radius,
+            dilation: gather.window.dilation,
         });
         let stages = stages.collect();
-        let default = shipped::by_preference().next().is_some_and(|best| best.name == filter.name);
-        Entry { name: filter.name, description, default, stages }
+        let default =
+            shipped::by_preference(true).next().is_some_and(|best| best.name == filter.name);
+        Entry { name: filter.name, description, default, stage_count, stages }
     }
 }

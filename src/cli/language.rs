@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::error::Error;
 use crate::expr::op::{Op, Sort, Syntax};
+use crate::expr::tree::Variadic;
 use crate::expr::{Feature, Quantity};
 use crate::plan::PASSES;
 use crate::report::{Align, Format, Table};
@@ -41,11 +42,34 @@ impl Language {
             features(format).render(format),
             heading("Numbers"),
             "Decimals (`0.05`, `1e-3`) and `pi`. `#` starts a comment.\n".to_owned(),
+            heading("Formulas of programs"),
+            PROGRAMS.to_owned(),
+            functions().render(format),
             heading("Passes (denoise --without PASS)"),
             passes().render(format),
         ]
         .concat())
     }
+}
+
+const PROGRAMS: &str = "\
+The stages of a program (filter files of version 2) are maps and gathers. Their formulas also
+have names of earlier stages, of constants and of layers; every operator works on vectors,
+component by component, and a number stands for as many components as are wanted.
+`x[2]` is a component, counted from 0. In weights, `x[i]` and `x[j]` are looked at at either
+pixel (what names neither is at pixel i, and the second operand of a vector function at j),
+`offset` is how far j is from i, and `s.variance` the variance of a gather's mean. In maps,
+`x[1, -2]` is a column to the right and two rows above; beyond the image its edge stands in.
+
+";
+
+fn functions() -> Table {
+    let mut table = Table::new(["function", "meaning"].map(|name| (name, Align::Left)));
+    for function in Variadic::ALL {
+        table.row([function.name(), function.doc()]);
+    }
+    table.row(["layer(x)", "W x + b, with the constants of the layer that has this name"]);
+    table
 }
 
 /// Adds a row, in cells that a terminal has room for.

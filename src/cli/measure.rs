@@ -5,7 +5,8 @@ use super::error::Error;
 use super::log::Log;
 use super::options::Running;
 use crate::backend::Backend;
-use crate::plan::{Filter, Passes};
+use crate::filter::Filter;
+use crate::plan::Passes;
 use crate::report::{Measured, Score, ScoreTable, Total};
 use crate::scene::{Image, LoadOptions, Metrics, Needs, Scene, SceneFiles};
 

@@ -4,7 +4,8 @@ use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
 
 use super::backend::BackendArgs;
-use crate::plan::{PASSES, Passes, Window};
+use crate::filter::Window;
+use crate::plan::{PASSES, Passes};
 use crate::scene::{LoadOptions, Repair};
 
 /// What becomes of pixels that are no numbers.

@@ -5,13 +5,13 @@ use std::path::Path;
 use super::error::Error;
 use crate::expr::text::parse_scalar;
 use crate::expr::{Feature, codebook};
-use crate::plan::{Filter, Window, shipped};
+use crate::filter::{Filter, Gather, Window, shipped};
 
 /// The names of the filters that are compared where none are named: those that were bred
 /// and those that are known. `--filter` knows the stand-ins' as well.
 pub(super) fn names() -> Vec<String> {
-    let bred = shipped::bred().map(|filter| filter.name);
-    bred.chain(codebook::known().iter().map(|known| known.name.to_owned())).collect()
+    let own = shipped::programs().chain(shipped::bred()).map(|filter| filter.name);
+    own.chain(codebook::known().iter().map(|known| known.name.to_owned())).collect()
 }
 
 /// The filter of a name.
@@ -20,7 +20,7 @@ pub(super) fn named(name: &str) -> Option<Filter> {
         let weight = codebook::named(name)?.clone();
         Some(Filter::single(name, weight, Window::DEFAULT_RADIUS))
     };
-    let shipped = shipped::bred().chain(shipped::stand_ins());
+    let shipped = shipped::programs().chain(shipped::bred()).chain(shipped::stand_ins());
     shipped.into_iter().find(|filter| filter.name == name).or_else(known)
 }
 
@@ -32,15 +32,24 @@ pub(super) fn resolve(text: &str, radius: Option<u32>) -> Result<Filter, Error> 
 /// A filter with another radius, if one is given.
 pub(super) fn resized(mut filter: Filter, radius: Option<u32>) -> Result<Filter, Error> {
     if let Some(radius) = radius {
-        for stage in &mut filter.stages {
-            stage.window.radius = radius;
-            if stage.window.reach() > Window::MAX_RADIUS {
+        if filter.paper().is_none() {
+            return Err(Error::Usage(format!(
+                "--radius {radius}: filter `{}` is a program of {} stages, each with a radius of \
+                 its own; change them in its file",
+                filter.name,
+                filter.stages.len()
+            )));
+        }
+        let name = filter.name.clone();
+        for Gather { window, .. } in filter.gathers_mut() {
+            window.radius = radius;
+            if window.reach() > Window::MAX_RADIUS {
                 return Err(Error::Usage(format!(
                     "--radius {radius}: filter `{}` places its taps {} pixels apart, so the \
                      radius can be at most {}",
-                    filter.name,
-                    stage.window.dilation,
-                    Window::MAX_RADIUS / stage.window.dilation
+                    name,
+                    window.dilation,
+                    Window::MAX_RADIUS / window.dilation
                 )));
             }
         }
@@ -91,7 +100,7 @@ mod tests {
     fn names_files_and_expressions_are_told_apart() {
         assert_eq!(resolve("bilateral", None).expect("a name").name, "bilateral");
         let expression = resolve("exp(-distance2(normal, normal))", Some(3)).expect("parses");
-        assert_eq!(expression.stages[0].window, Window::dense(3));
+        assert_eq!(expression.paper().expect("one gather").window, Window::dense(3));
         let missing = resolve("no/such/file.toml", None).unwrap_err();
         assert!(missing.to_string().contains("no/such/file.toml") && missing.status() == 1);
         let nonsense = resolve("bilatral", None).unwrap_err();

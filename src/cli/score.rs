@@ -8,9 +8,9 @@ use super::error::Error;
 use super::log::Log;
 use super::measure::Measuring;
 use super::options::Running;
-use super::resolve::{names, resolve};
+use super::resolve::{named, names, resolve};
 use super::scenes;
-use crate::plan::Filter;
+use crate::filter::Filter;
 use crate::report::{Format, Total};
 
 const EXAMPLES: &str = "\
@@ -66,9 +66,12 @@ impl Score {
 }
 
 /// The filters that texts stand for, under names of their own; all filters that
-/// have names, if there are no texts.
+/// have names, if there are no texts. Another radius is for single weights: of the named
+/// filters, programs are then left out.
 pub(super) fn filters(texts: &[String], radius: Option<u32>) -> Result<Vec<Filter>, Error> {
-    let all = names();
+    let takes =
+        |name: &String| radius.is_none() || named(name).is_some_and(|f| f.paper().is_some());
+    let all: Vec<String> = names().into_iter().filter(takes).collect();
     let texts = if texts.is_empty() { &all } else { texts };
     let filters: Result<Vec<Filter>, Error> =
         texts.iter().map(|text| resolve(text, radius)).collect();

@@ -80,7 +80,14 @@ impl Mutation {
                         Symbol::Variance(_)
                         | Symbol::Vector(_)
                         | Symbol::Gradient(_)
-                        | Symbol::Op(_) => None,
+                        | Symbol::Op(_)
+                        | Symbol::Stage(_)
+                        | Symbol::Param(_)
+                        | Symbol::Offset
+                        | Symbol::At(_)
+                        | Symbol::Part(_)
+                        | Symbol::Many(..)
+                        | Symbol::Linear(_) => None,
                     })
                     .collect();
                 let &(at, value) = constants.choose(rng)?;

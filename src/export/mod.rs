@@ -34,8 +34,9 @@ pub use language::{Language, Shading};
 
 use crate::expr::feature::{Feature, Quantity};
 use crate::expr::tree::Tree;
+use crate::filter::{Filter, Gather};
 use crate::plan::Precision;
-use crate::plan::{Filter, Passes, Plan, PlanError, Source, Stage};
+use crate::plan::{Passes, Plan, PlanError};
 use crate::scene::Facts;
 
 /// Why a filter cannot be exported.
@@ -105,7 +106,7 @@ struct Subject<'a> {
 impl<'a> Subject<'a> {
     fn of(filter: &'a Filter, precision: Precision) -> Result<Self, ExportError> {
         let name = filter.name.as_str();
-        let [Stage { weight, window, source: Source::Color }] = filter.stages.as_slice() else {
+        let Some(Gather { weight, window, .. }) = filter.paper() else {
             let stages = filter.stages.len();
             return Err(ExportError::Stages { filter: name.to_owned(), stages });
         };

@@ -59,6 +59,9 @@ pub enum Unit {
 pub struct FeatureRow {
     /// Spelling of the value in expressions.
     pub name: &'static str,
+    /// The field's term for the value, where it is another: read like `name`, and
+    /// printed in programs.
+    pub term: Option<&'static str>,
     /// Spelling of the gradient, where the grammar has one.
     pub gradient: Option<&'static str>,
     /// Spelling of the variance, where there is one.
@@ -86,6 +89,7 @@ pub struct FeatureRow {
 const TABLE: [FeatureRow; 8] = [
     FeatureRow {
         name: "worldPosition",
+        term: Some("position"),
         gradient: Some("wpGradient"),
         variance: Some("wpVariance"),
         channels: &["Position.X", "Position.Y", "Position.Z"],
@@ -99,6 +103,7 @@ const TABLE: [FeatureRow; 8] = [
     },
     FeatureRow {
         name: "normal",
+        term: None,
         gradient: Some("nGradient"),
         variance: Some("nVariance"),
         channels: &["Normal.X", "Normal.Y", "Normal.Z"],
@@ -112,6 +117,7 @@ const TABLE: [FeatureRow; 8] = [
     },
     FeatureRow {
         name: "texture",
+        term: Some("albedo"),
         gradient: Some("tGradient"),
         variance: Some("tVariance"),
         channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
@@ -125,6 +131,7 @@ const TABLE: [FeatureRow; 8] = [
     },
     FeatureRow {
         name: "secTexture",
+        term: Some("secondaryAlbedo"),
         gradient: Some("secTGradient"),
         variance: Some("secTexVariance"),
         channels: &["SecondaryAlbedo.R", "SecondaryAlbedo.G", "SecondaryAlbedo.B"],
@@ -138,6 +145,7 @@ const TABLE: [FeatureRow; 8] = [
     },
     FeatureRow {
         name: "depth",
+        term: None,
         gradient: Some("dGradient"),
         variance: Some("dVariance"),
         channels: &["Depth.Z"],
@@ -151,6 +159,7 @@ const TABLE: [FeatureRow; 8] = [
     },
     FeatureRow {
         name: "dirIllumination",
+        term: Some("direct"),
         gradient: Some("diGradient"),
         variance: Some("diVariance"),
         channels: &["Direct.R", "Direct.G", "Direct.B"],
@@ -164,6 +173,7 @@ const TABLE: [FeatureRow; 8] = [
     },
     FeatureRow {
         name: "color",
+        term: None,
         gradient: None,
         variance: Some("cVariance"),
         channels: &["R", "G", "B"],
@@ -177,6 +187,7 @@ const TABLE: [FeatureRow; 8] = [
     },
     FeatureRow {
         name: "pixel",
+        term: None,
         gradient: None,
         variance: None,
         channels: &[],
@@ -239,7 +250,9 @@ impl Feature {
 
     /// Looks a spelling up.
     pub fn parse(text: &str) -> Option<(Self, Quantity)> {
-        Self::terms().find(|&(f, q)| f.spelling(q) == Some(text))
+        let term = |f: &Self| f.row().term == Some(text);
+        let alias = || Some((Self::ALL.into_iter().find(term)?, Quantity::Value));
+        Self::terms().find(|&(f, q)| f.spelling(q) == Some(text)).or_else(alias)
     }
 
     /// Every (feature, quantity) that expressions can name.
@@ -328,6 +341,10 @@ mod tests {
         for (feature, quantity) in Feature::terms() {
             let text = feature.spelling(quantity).expect("terms() lists only what has a spelling");
             assert_eq!(Feature::parse(text), Some((feature, quantity)));
+        }
+        let terms = Feature::ALL.into_iter().filter_map(|f| Some((f, f.row().term?)));
+        for (feature, term) in terms {
+            assert_eq!(Feature::parse(term), Some((feature, Quantity::Value)), "{term}");
         }
     }
 

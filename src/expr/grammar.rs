@@ -150,12 +150,19 @@ impl Vocabulary {
             Symbol::Variance(_) => self.variances.contains(&symbol),
             Symbol::Vector(_) | Symbol::Gradient(_) => self.vectors.contains(&symbol),
             Symbol::Op(op) => self.ops.contains(&op),
+            Symbol::Stage(_)
+            | Symbol::Param(_)
+            | Symbol::Offset
+            | Symbol::At(_)
+            | Symbol::Part(_)
+            | Symbol::Many(..)
+            | Symbol::Linear(_) => false,
         }
     }
 
-    /// Whether every symbol of the tree may be used.
+    /// Whether the tree is one that the paper's grammar makes of these symbols.
     pub fn covers(&self, tree: &Tree) -> bool {
-        tree.symbols().iter().all(|&symbol| self.contains(symbol))
+        tree.is_paper() && tree.symbols().iter().all(|&symbol| self.contains(symbol))
     }
 
     /// The symbols that may stand in another's place: those that take the same

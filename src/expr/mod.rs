@@ -8,8 +8,10 @@
 pub mod arithmetic;
 pub mod builder;
 pub mod codebook;
+pub mod constants;
 pub mod derivative;
 pub mod elementary;
+pub mod evaluate;
 pub mod feature;
 pub mod function;
 pub mod grammar;
@@ -20,6 +22,8 @@ pub mod tape;
 pub mod text;
 pub mod tree;
 
+pub use constants::Constants;
+pub use evaluate::Evaluator;
 pub use feature::{Feature, PlaneId, Quantity, Unit};
 pub use op::{Op, Sort};
-pub use tree::{Symbol, Tree};
+pub use tree::{Place, Source, StagePlane, Symbol, Tree};

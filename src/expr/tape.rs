@@ -56,6 +56,8 @@ pub enum Input {
     PerPixel(u32, Side),
     /// The k-th value that was computed beforehand for this offset.
     PerTap(u32),
+    /// The k-th of the planes that a program's kernel reads, at pixel i or j.
+    Signal(u32, Side),
 }
 
 /// A primitive operation on `f32`. No primitive traps; operands out of the
@@ -390,6 +392,17 @@ impl Tape {
 
     pub(crate) fn set_native(&mut self, value: Value, function: Native, x: Value) {
         self.known[value.index()].native = Some((function, x));
+    }
+
+    /// The same tape on other inputs.
+    pub(crate) fn with_inputs(&self, mut rename: impl FnMut(Input) -> Input) -> Self {
+        let mut renamed = self.clone();
+        for instr in &mut renamed.instrs {
+            if let Instr::Input(input) = instr {
+                *input = rename(*input);
+            }
+        }
+        renamed
     }
 
     /// Keeps only what the given results need.

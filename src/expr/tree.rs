@@ -24,7 +24,112 @@ impl Literal {
     }
 }
 
+/// Where an expression is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Place {
+    /// At an end of the pair of pixels; a map has pixel i alone.
+    Side(Side),
+    /// So many columns to the right of pixel i and rows below it. Beyond the edge of the
+    /// image the nearest pixel of the image stands in.
+    Shift(i8, i8),
+}
+
+/// The result of a program's earlier stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct StageSignal {
+    /// Which stage, counted from 0.
+    pub stage: u16,
+    /// Components of its value.
+    pub width: u16,
+    /// Whether the variance of the stage's mean is meant, which is one wide.
+    pub variance: bool,
+}
+
+/// One plane of an earlier stage's result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct StagePlane {
+    /// Which stage, counted from 0.
+    pub stage: u16,
+    /// Component of the value; the one after the last is the variance.
+    pub component: u16,
+}
+
+impl StageSignal {
+    /// The planes, in the order of the components.
+    pub fn planes(self) -> impl Iterator<Item = StagePlane> {
+        let components = if self.variance { self.width..self.width + 1 } else { 0..self.width };
+        components.map(move |component| StagePlane { stage: self.stage, component })
+    }
+}
+
+/// One scalar image that an expression can read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Source {
+    /// A component of a feature's quantity.
+    Feature(PlaneId),
+    /// A component of an earlier stage's result.
+    Stage(StagePlane),
+}
+
+/// Functions of any number of operands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Variadic {
+    /// All components of all operands, one after another.
+    Join,
+    /// The median, component by component; the lower one of an even number.
+    Median,
+    /// The first operand, kept between the second and the third, component by component.
+    Clamp,
+    /// The mean of all components of all operands.
+    Mean,
+    /// The luminance of a colour of three components, by the primaries of Rec. 709.
+    Luminance,
+}
+
+impl Variadic {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Join, Self::Median, Self::Clamp, Self::Mean, Self::Luminance];
+
+    /// What the components of a colour weigh in its luminance.
+    pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+    /// What it is called by.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Join => "join",
+            Self::Median => "median",
+            Self::Clamp => "clamp",
+            Self::Mean => "mean",
+            Self::Luminance => "luminance",
+        }
+    }
+
+    /// One line for people.
+    pub fn doc(self) -> &'static str {
+        match self {
+            Self::Join => "all components of all operands, one after another",
+            Self::Median => "median of the operands, component by component",
+            Self::Clamp => "the first operand, kept between the second and the third",
+            Self::Mean => "mean of all components of all operands",
+            Self::Luminance => "0.2126 R + 0.7152 G + 0.0722 B of a colour",
+        }
+    }
+}
+
+/// A linear layer of a program: W x + b, with its constants in a named block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct LayerRef {
+    /// Which of the program's layers.
+    pub layer: u16,
+    /// Components that it gives.
+    pub rows: u16,
+    /// Components that it takes.
+    pub columns: u16,
+}
+
 /// A node of a tree.
+///
+/// The paper's grammar has the first five; the others are for programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Symbol {
     /// A number.
@@ -37,6 +142,20 @@ pub enum Symbol {
     Gradient(Feature),
     /// An operator.
     Op(Op),
+    /// The result of an earlier stage.
+    Stage(StageSignal),
+    /// A named constant of the program, by its number.
+    Param(u16),
+    /// How far pixel j is from pixel i, in pixels: columns, rows.
+    Offset,
+    /// Its operand, looked at elsewhere.
+    At(Place),
+    /// A component of its operand.
+    Part(u16),
+    /// A function of so many operands.
+    Many(Variadic, u8),
+    /// A layer, applied to its operand.
+    Linear(LayerRef),
 }
 
 impl Symbol {
@@ -60,36 +179,117 @@ impl Symbol {
     /// The feature quantity that the symbol reads, if it reads one.
     pub fn reads(self) -> Option<(Feature, Quantity)> {
         match self {
-            Self::Const(_) | Self::Op(_) => None,
+            Self::Const(_)
+            | Self::Op(_)
+            | Self::Stage(_)
+            | Self::Param(_)
+            | Self::Offset
+            | Self::At(_)
+            | Self::Part(_)
+            | Self::Many(..)
+            | Self::Linear(_) => None,
             Self::Variance(f) => Some((f, Quantity::Variance)),
             Self::Vector(f) => Some((f, Quantity::Value)),
             Self::Gradient(f) => Some((f, Quantity::Gradient)),
         }
     }
 
-    /// What the symbol stands for.
+    /// What the symbol stands for in the paper's grammar, which knows bare features as
+    /// vectors and everything else as numbers.
     pub fn sort(self) -> Sort {
         match self {
-            Self::Const(_) | Self::Variance(_) | Self::Op(_) => Sort::Scalar,
+            Self::Const(_)
+            | Self::Variance(_)
+            | Self::Op(_)
+            | Self::Stage(_)
+            | Self::Param(_)
+            | Self::Offset
+            | Self::At(_)
+            | Self::Part(_)
+            | Self::Many(..)
+            | Self::Linear(_) => Sort::Scalar,
             Self::Vector(_) | Self::Gradient(_) => Sort::Vector,
         }
     }
 
-    /// The operands it takes.
+    /// The operands that the paper's grammar gives it; empty for what only programs have.
     pub fn operands(self) -> &'static [Sort] {
         match self {
             Self::Op(op) => op.operands(),
-            Self::Const(_) | Self::Variance(_) | Self::Vector(_) | Self::Gradient(_) => &[],
+            Self::Const(_)
+            | Self::Variance(_)
+            | Self::Vector(_)
+            | Self::Gradient(_)
+            | Self::Stage(_)
+            | Self::Param(_)
+            | Self::Offset
+            | Self::At(_)
+            | Self::Part(_)
+            | Self::Many(..)
+            | Self::Linear(_) => &[],
         }
     }
 
     /// Number of operands.
     pub fn arity(self) -> usize {
-        self.operands().len()
+        match self {
+            Self::Op(op) => op.arity(),
+            Self::At(_) | Self::Part(_) | Self::Linear(_) => 1,
+            Self::Many(_, operands) => usize::from(operands),
+            Self::Const(_)
+            | Self::Variance(_)
+            | Self::Vector(_)
+            | Self::Gradient(_)
+            | Self::Stage(_)
+            | Self::Param(_)
+            | Self::Offset => 0,
+        }
     }
+
+    /// How many components the symbol gives for operands of these widths, the first
+    /// operand first; `None` if it does not take them. Operands of one component stand
+    /// for as many as the others have.
+    pub fn width(self, operands: &[usize]) -> Option<usize> {
+        let broadcast = || {
+            let width = operands.iter().copied().max()?;
+            operands.iter().all(|&w| w == 1 || w == width).then_some(width)
+        };
+        if operands.len() != self.arity() {
+            return None;
+        }
+        match self {
+            Self::Const(_) | Self::Param(_) => Some(1),
+            Self::Offset => Some(2),
+            Self::Variance(f) => Some(PlaneId::components(f, Quantity::Variance)),
+            Self::Vector(f) => Some(PlaneId::components(f, Quantity::Value)),
+            Self::Gradient(f) => Some(PlaneId::components(f, Quantity::Gradient)),
+            Self::Stage(signal) if signal.variance => Some(1),
+            Self::Stage(signal) => Some(usize::from(signal.width)),
+            Self::Op(op) => match op.row().form {
+                Form::Unary(_) | Form::Binary(_) => broadcast(),
+                Form::Vectors(_) => Some(1),
+            },
+            Self::At(_) => operands.first().copied(),
+            Self::Part(component) => (usize::from(component) < operands[0]).then_some(1),
+            Self::Many(Variadic::Join, _) => {
+                Some(operands.iter().sum()).filter(|width| (1..=Self::WIDEST).contains(width))
+            }
+            Self::Many(Variadic::Median, _) | Self::Many(Variadic::Clamp, 3) => broadcast(),
+            Self::Many(Variadic::Clamp, _) => None,
+            Self::Many(Variadic::Mean, _) => Some(1),
+            Self::Many(Variadic::Luminance, _) => (operands == [3]).then_some(1),
+            Self::Linear(layer) => {
+                (operands[0] == usize::from(layer.columns)).then_some(usize::from(layer.rows))
+            }
+        }
+    }
+
+    /// The most components that a value may have.
+    pub const WIDEST: usize = 256;
 }
 
-/// A well-sorted expression. Cloning is cheap.
+/// A well-formed expression: every operator finds operands whose widths it takes.
+/// Cloning is cheap.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Tree {
     symbols: Arc<[Symbol]>,
@@ -98,7 +298,7 @@ pub struct Tree {
 /// Why symbols in postfix order are no tree.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
-    /// An operator lacks operands, or has one of the wrong sort.
+    /// An operator lacks operands, or their widths do not fit.
     #[error("symbol {at} ({symbol:?}) does not find the operands it takes")]
     Operands {
         /// Where in postfix order.
@@ -115,16 +315,63 @@ impl Tree {
     /// A tree from its symbols in postfix order.
     pub fn new(symbols: impl Into<Arc<[Symbol]>>) -> Result<Self, Malformed> {
         let symbols = symbols.into();
+        match widths(&symbols)?.len() {
+            1 => Ok(Self { symbols }),
+            roots => Err(Malformed::Count(roots)),
+        }
+    }
+
+    /// How many components the expression has.
+    pub fn width(&self) -> usize {
+        widths(&self.symbols).expect("checked when the tree was made")[0]
+    }
+
+    /// Whether the paper's grammar makes the expression: vectors stand as operands of
+    /// functions of two vectors and nowhere else.
+    pub fn is_paper(&self) -> bool {
         let mut stack: Vec<Sort> = Vec::new();
-        for (at, &symbol) in symbols.iter().enumerate() {
+        for &symbol in self.symbols.iter() {
             let wanted = symbol.operands();
-            if !stack.ends_with(wanted) {
-                return Err(Malformed::Operands { at, symbol });
+            if symbol.arity() != wanted.len() || !stack.ends_with(wanted) {
+                return false;
+            }
+            match symbol {
+                Symbol::Stage(_)
+                | Symbol::Param(_)
+                | Symbol::Offset
+                | Symbol::At(_)
+                | Symbol::Part(_)
+                | Symbol::Many(..)
+                | Symbol::Linear(_) => return false,
+                Symbol::Const(_)
+                | Symbol::Variance(_)
+                | Symbol::Vector(_)
+                | Symbol::Gradient(_)
+                | Symbol::Op(_) => {}
             }
             stack.truncate(stack.len() - wanted.len());
             stack.push(symbol.sort());
         }
-        if stack.len() == 1 { Ok(Self { symbols }) } else { Err(Malformed::Count(stack.len())) }
+        true
+    }
+
+    /// Where every node is looked at, by position, if the whole is looked at at pixel i.
+    /// In a map, functions of two pixels have both operands at pixel i.
+    pub fn places(&self, map: bool) -> Vec<Place> {
+        let mut places = vec![Place::Side(Side::I); self.len()];
+        for position in (0..self.len()).rev() {
+            let at = places[position];
+            let (operand, place) = match self.symbols[position] {
+                Symbol::At(place) => (position - 1, place.from(at)),
+                Symbol::Op(op) if !map && matches!(op.row().form, Form::Vectors(_)) => {
+                    // The second operand ends where the operator stands.
+                    (position - 1, Place::Side(Side::J))
+                }
+                _ => continue,
+            };
+            places[self.extent(operand)].fill(place);
+        }
+        places
     }
 
     /// A leaf.
@@ -245,11 +492,11 @@ impl Tree {
         let coordinates = Symbol::Vector(Feature::Pixel);
         let mut offset = vec![false; self.len()];
         for (at, &symbol) in self.symbols.iter().enumerate() {
-            // Operands of vector functions are leaves and stand before it.
+            // Two bare leaves stand right before their function.
             if let Symbol::Op(op) = symbol
                 && let Form::Vectors(function) = op.row().form
                 && function.differences
-                && self.symbols[at - 2..at] == [coordinates; 2]
+                && self.symbols[..at].ends_with(&[coordinates; 2])
             {
                 offset[at - 2..at].fill(true);
             }
@@ -269,62 +516,32 @@ impl Tree {
     pub fn is_stationary(&self) -> bool {
         self.planes().iter().all(|plane| plane.feature != Feature::Pixel)
     }
+}
 
-    /// The exact meaning of a scalar expression for one pair of pixels.
-    ///
-    /// `read` gives a plane's value at either end of the pair.
-    ///
-    /// # Panics
-    /// If the tree is a bare vector, which has no value.
-    pub fn meaning(&self, mut read: impl FnMut(PlaneId, Side) -> f64) -> f64 {
-        enum Operand {
-            Scalar(f64),
-            Vector(Feature, Quantity),
-        }
-        let mut stack: Vec<Operand> = Vec::new();
-        for &symbol in self.symbols.iter() {
-            let operands = stack.split_off(stack.len() - symbol.arity());
-            let value = match (symbol, operands.as_slice()) {
-                (Symbol::Const(literal), _) => f64::from(literal.value()),
-                (Symbol::Variance(f), _) => {
-                    PlaneId::of(f, Quantity::Variance).map(|plane| read(plane, Side::I)).sum()
-                }
-                (Symbol::Vector(f), _) => {
-                    stack.push(Operand::Vector(f, Quantity::Value));
-                    continue;
-                }
-                (Symbol::Gradient(f), _) => {
-                    stack.push(Operand::Vector(f, Quantity::Gradient));
-                    continue;
-                }
-                (Symbol::Op(op), operands) => match (op.row().form, operands) {
-                    (Form::Unary(f), [Operand::Scalar(x)]) => (f.meaning)(*x),
-                    (Form::Binary(f), [Operand::Scalar(x), Operand::Scalar(y)]) => {
-                        (f.meaning)(*x, *y)
-                    }
-                    (Form::Vectors(f), [Operand::Vector(a, p), Operand::Vector(b, q)]) => {
-                        let pairs: Vec<(f64, f64)> = component_pairs((*a, *p), (*b, *q))
-                            .map(|(x, y)| {
-                                (
-                                    x.map_or(0.0, |plane| read(plane, Side::I)),
-                                    y.map_or(0.0, |plane| read(plane, Side::J)),
-                                )
-                            })
-                            .collect();
-                        (f.meaning)(&pairs)
-                    }
-                    (Form::Unary(_) | Form::Binary(_) | Form::Vectors(_), _) => {
-                        unreachable!("Tree::new checked the operands of {op:?}")
-                    }
-                },
-            };
-            stack.push(Operand::Scalar(value));
-        }
-        match stack.as_slice() {
-            [Operand::Scalar(x)] => *x,
-            _ => panic!("a bare vector has no value"),
+impl Place {
+    /// The same place for whoever stands at another.
+    #[must_use]
+    pub fn from(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Shift(x, y), Self::Shift(u, v)) => {
+                Self::Shift(x.saturating_add(u), y.saturating_add(v))
+            }
+            (place, _) => place,
         }
     }
+}
+
+/// The widths of the expressions that symbols in postfix order leave.
+fn widths(symbols: &[Symbol]) -> Result<Vec<usize>, Malformed> {
+    let mut stack: Vec<usize> = Vec::new();
+    for (at, &symbol) in symbols.iter().enumerate() {
+        let malformed = Malformed::Operands { at, symbol };
+        let Some(first) = stack.len().checked_sub(symbol.arity()) else { return Err(malformed) };
+        let Some(width) = symbol.width(&stack[first..]) else { return Err(malformed) };
+        stack.truncate(first);
+        stack.push(width);
+    }
+    Ok(stack)
 }
 
 /// Pairs the components of a vector at i with those of a vector at j; where one
@@ -367,11 +584,36 @@ mod tests {
     }
 
     #[test]
-    fn a_scalar_cannot_stand_for_a_vector() {
+    fn widths_must_fit_and_the_paper_has_vectors_in_functions_of_two_alone() {
         let tree = sample();
-        assert!(tree.replace(0, &Tree::constant(1.0)).is_err());
-        assert!(tree.with_symbol(2, Symbol::Op(Op::Add)).is_err());
-        assert!(tree.with_symbol(2, Symbol::Op(Op::Dot)).is_ok());
+        assert!(tree.is_paper() && tree.width() == 1);
+        let sum = tree.with_symbol(2, Symbol::Op(Op::Add)).expect("three components each");
+        assert!(!sum.is_paper() && sum.width() == 3);
+        assert!(!tree.replace(0, &Tree::constant(1.0)).expect("one and three").is_paper());
+        assert!(tree.with_symbol(2, Symbol::Op(Op::Dot)).is_ok_and(|dot| dot.is_paper()));
+        let (pixel, normal) =
+            (leaf(Symbol::Vector(Feature::Pixel)), leaf(Symbol::Vector(Feature::Normal)));
+        assert!(Tree::apply(Op::Add, &[&pixel, &normal]).is_err(), "two and three components");
+    }
+
+    #[test]
+    fn places_are_inherited_until_something_looks_elsewhere() {
+        use Place::{Shift, Side as At};
+        let depth = Symbol::Vector(Feature::Depth);
+        let symbols = [
+            depth,
+            Symbol::At(Shift(1, 0)),
+            depth,
+            Symbol::Op(Op::Add),
+            depth,
+            Symbol::At(At(Side::I)),
+            Symbol::Op(Op::Distance2),
+        ];
+        let tree = Tree::new(symbols.as_slice()).expect("one component everywhere");
+        let (i, j, right) = (At(Side::I), At(Side::J), Shift(1, 0));
+        assert_eq!(tree.places(false), [right, i, i, i, i, j, i]);
+        assert_eq!(tree.places(true), [right, i, i, i, i, i, i]);
+        assert_eq!(Shift(1, -2).from(Shift(3, 3)), Shift(4, 1));
     }
 
     #[test]

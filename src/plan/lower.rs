@@ -1,24 +1,62 @@
 //! From trees to a tape: each operator's row emits its primitives.
 
-use super::{Precision, Window};
+use std::cell::RefCell;
+
+use super::Precision;
 use crate::expr::builder::{Builder, LIMIT};
+use crate::expr::constants::{Constants, Layer};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::expr::interval::Interval;
-use crate::expr::op::{Form, Op};
+use crate::expr::op::{Form, Op, VectorFunction};
 use crate::expr::tape::{Axis, Input, Side, Value};
-use crate::expr::tree::{Symbol, Tree, component_pairs};
+use crate::expr::tree::{Place, Source, Symbol, Tree, Variadic};
+use crate::filter::Window;
+
+/// A plane that a kernel reads, so many columns to the right of the pixel and rows below.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Read {
+    /// The plane.
+    pub source: Source,
+    /// Columns to the right, rows below; nothing but zeros in a gather.
+    pub shift: [i8; 2],
+}
 
 /// What lowering needs to know about its surroundings.
+#[derive(Clone, Copy)]
 pub(super) struct Surroundings<'a> {
     /// The range of a plane; a single point for one that is constant.
-    pub(super) range: &'a dyn Fn(PlaneId) -> Interval,
-    /// The window that offsets range over.
-    pub(super) window: Window,
+    pub(super) range: &'a dyn Fn(Source) -> Interval,
+    /// The window that offsets range over; `None` in a map, which looks at one pixel.
+    pub(super) window: Option<Window>,
     /// Whether pixels i and j change places: w(j, i) is made of what is read at
     /// i and j for w(i, j).
     pub(super) mirrored: bool,
     /// How accurate functions are made.
     pub(super) precision: Precision,
+    /// The program's named constants.
+    pub(super) constants: &'a Constants,
+    /// What is read as [`Input::Signal`], each once: everything in a map, the results of
+    /// earlier stages in a gather, which reads features as [`Input::Plane`].
+    pub(super) reads: &'a RefCell<Vec<Read>>,
+}
+
+/// The components of an operand.
+enum Operand {
+    Scalar(Value),
+    /// A bare feature, not read yet.
+    Vector(Feature, Quantity),
+    /// More than one component, or less known ones.
+    Wide(Vec<Value>),
+}
+
+impl Operand {
+    fn width(&self) -> usize {
+        match self {
+            Self::Scalar(_) => 1,
+            Self::Vector(feature, quantity) => PlaneId::components(*feature, *quantity),
+            Self::Wide(values) => values.len(),
+        }
+    }
 }
 
 impl Surroundings<'_> {
@@ -31,107 +69,320 @@ impl Surroundings<'_> {
         }
     }
 
-    fn read(&self, b: &mut Builder, plane: PlaneId, side: Side) -> Value {
-        let side = if self.mirrored { side.other() } else { side };
-        b.input(Input::Plane(plane, side), (self.range)(plane))
+    fn is_map(&self) -> bool {
+        self.window.is_none()
+    }
+
+    fn read(&self, b: &mut Builder, source: Source, place: Place) -> Value {
+        let range = (self.range)(source);
+        let (side, shift) = match place {
+            Place::Side(side) if self.mirrored => (side.other(), [0, 0]),
+            Place::Side(side) => (side, [0, 0]),
+            Place::Shift(dx, dy) => (Side::I, [dx, dy]),
+        };
+        match source {
+            Source::Feature(plane) if !self.is_map() => b.input(Input::Plane(plane, side), range),
+            Source::Feature(_) | Source::Stage(_) if range.lo == range.hi => b.constant(range.lo),
+            Source::Feature(_) | Source::Stage(_) => {
+                let read = Read { source, shift };
+                let mut reads = self.reads.borrow_mut();
+                let known = reads.iter().position(|&known| known == read);
+                let k = known.unwrap_or_else(|| {
+                    reads.push(read);
+                    reads.len() - 1
+                });
+                b.input(Input::Signal(k as u32, side), range)
+            }
+        }
     }
 
     /// From i to j, which is minus as far from j to i.
     fn offset(&self, b: &mut Builder, axis: Axis) -> Value {
-        let reach = self.window.reach() as f32;
+        let reach = self.window.map_or(0, Window::reach) as f32;
         let offset = b.input(Input::Offset(axis), Interval::new(-reach, reach));
         if self.mirrored { b.neg(offset) } else { offset }
     }
 
-    /// The pairs of components of two vector operands. Where a function looks at
-    /// nothing but differences (`relative`), the pixel's coordinates are given
-    /// relative to pixel i, 0 there and the offset at j: no coordinate is read,
-    /// and what follows from the offset alone leaves the window loop.
-    fn components(
+    /// A function of two vectors. Where it looks at nothing but differences, the pixel's
+    /// coordinates are given relative to pixel i, 0 there and the offset at j: no
+    /// coordinate is read, and what follows from the offset alone leaves the window loop.
+    fn vectors(
         &self,
         b: &mut Builder,
-        left: (Feature, Quantity),
-        right: (Feature, Quantity),
-        relative: bool,
-    ) -> Vec<(Value, Value)> {
-        if relative && left == right && left.0 == Feature::Pixel {
-            let pair = |axis| (b.constant(0.0), self.offset(b, axis));
-            return [Axis::X, Axis::Y].map(pair).into();
+        f: &VectorFunction,
+        operands: [Operand; 2],
+        places: [Place; 2],
+    ) -> Value {
+        let coordinates =
+            |operand: &Operand| matches!(operand, Operand::Vector(Feature::Pixel, Quantity::Value));
+        if f.differences && operands.iter().all(coordinates) {
+            let pair = |axis| match self.is_map() {
+                true => (b.constant(0.0), b.constant(0.0)),
+                false => (b.constant(0.0), self.offset(b, axis)),
+            };
+            let pairs = [Axis::X, Axis::Y].map(pair);
+            return (f.build)(b, &pairs);
         }
-        component_pairs(left, right)
-            .map(|(x, y)| {
-                let x = match x {
-                    Some(plane) => self.read(b, plane, Side::I),
-                    None => b.constant(0.0),
-                };
-                let y = match y {
-                    Some(plane) => self.read(b, plane, Side::J),
-                    None => b.constant(0.0),
-                };
-                (x, y)
-            })
-            .collect()
+        let width = operands.iter().map(Operand::width).max().unwrap_or(1);
+        let mut pairs = Vec::with_capacity(width);
+        for k in 0..width {
+            let [x, y] = [0, 1].map(|n| self.component(b, &operands[n], places[n], k));
+            pairs.push((x, y));
+        }
+        (f.build)(b, &pairs)
+    }
+
+    /// A component of an operand of a function of two; missing ones are zero.
+    fn component(&self, b: &mut Builder, operand: &Operand, place: Place, k: usize) -> Value {
+        if k >= operand.width() {
+            return b.constant(0.0);
+        }
+        match *operand {
+            Operand::Scalar(value) => value,
+            Operand::Wide(ref values) => values[k],
+            Operand::Vector(feature, quantity) => {
+                let plane = PlaneId { feature, quantity, component: k as u8 };
+                self.read(b, Source::Feature(plane), place)
+            }
+        }
+    }
+
+    /// An operand's components; a bare feature is read.
+    fn components(&self, b: &mut Builder, operand: Operand, place: Place) -> Vec<Value> {
+        match operand {
+            Operand::Scalar(value) => vec![value],
+            Operand::Wide(values) => values,
+            Operand::Vector(feature, quantity) => PlaneId::of(feature, quantity)
+                .map(|plane| self.read(b, Source::Feature(plane), place))
+                .collect(),
+        }
     }
 }
 
-/// Emits a scalar tree. Returns the value of every scalar node by position;
-/// vectors have none.
-pub(super) fn lower(b: &mut Builder, tree: &Tree, at: &Surroundings<'_>) -> Vec<Option<Value>> {
-    enum Operand {
-        Scalar(Value),
-        Vector(Feature, Quantity),
-    }
-    let mut nodes = Vec::with_capacity(tree.len());
-    let mut stack: Vec<Operand> = Vec::new();
-    for &symbol in tree.symbols() {
-        let operands = stack.split_off(stack.len() - symbol.arity());
-        let value = match (symbol, operands.as_slice()) {
-            (Symbol::Const(literal), _) => b.constant(literal.value().clamp(-LIMIT, LIMIT)),
-            (Symbol::Variance(feature), _) => {
-                let plane = PlaneId { feature, quantity: Quantity::Variance, component: 0 };
-                at.read(b, plane, Side::I)
+/// Emits a tree. Returns the components of every node by position; of bare features only
+/// where something else than a function of two pixels reads them.
+pub(super) fn lower(b: &mut Builder, tree: &Tree, at: &Surroundings<'_>) -> Vec<Vec<Value>> {
+    let places = tree.places(at.is_map());
+    let mut nodes: Vec<Vec<Value>> = Vec::with_capacity(tree.len());
+    let mut stack: Vec<(Operand, usize)> = Vec::new();
+    for (position, &symbol) in tree.symbols().iter().enumerate() {
+        let mut operands = stack.split_off(stack.len() - symbol.arity());
+        let operand = match symbol {
+            Symbol::Const(literal) => {
+                Operand::Scalar(b.constant(literal.value().clamp(-LIMIT, LIMIT)))
             }
-            (Symbol::Vector(f), _) => {
-                stack.push(Operand::Vector(f, Quantity::Value));
-                nodes.push(None);
-                continue;
+            Symbol::Param(k) => {
+                let value = at.constants.params[usize::from(k)].value;
+                Operand::Scalar(b.constant(value.clamp(-LIMIT, LIMIT)))
             }
-            (Symbol::Gradient(f), _) => {
-                stack.push(Operand::Vector(f, Quantity::Gradient));
-                nodes.push(None);
-                continue;
+            Symbol::Offset => {
+                Operand::Wide([Axis::X, Axis::Y].map(|axis| at.offset(b, axis)).into())
             }
-            (Symbol::Op(op), operands) => match (at.form(op), operands) {
-                (Form::Unary(f), [Operand::Scalar(x)]) => {
-                    let range = (f.range)(b.range(*x));
-                    let value = (f.build)(b, *x);
-                    b.assume(value, range);
-                    value
+            Symbol::Variance(f) => {
+                let plane = PlaneId { feature: f, quantity: Quantity::Variance, component: 0 };
+                Operand::Scalar(at.read(b, Source::Feature(plane), places[position]))
+            }
+            Symbol::Vector(f) => Operand::Vector(f, Quantity::Value),
+            Symbol::Gradient(f) => Operand::Vector(f, Quantity::Gradient),
+            Symbol::Stage(signal) => Operand::Wide(
+                signal
+                    .planes()
+                    .map(|plane| at.read(b, Source::Stage(plane), places[position]))
+                    .collect(),
+            ),
+            Symbol::Op(op) => {
+                if let (Form::Vectors(f), [_, _]) = (at.form(op), operands.as_slice()) {
+                    let (y, j) = operands.remove(1);
+                    let (x, i) = operands.remove(0);
+                    Operand::Scalar(at.vectors(b, &f, [x, y], [places[i], places[j]]))
+                } else {
+                    let operands = all_components(b, at, &places, operands, &mut nodes);
+                    operator(b, op, at.form(op), &operands)
                 }
-                (Form::Binary(f), [Operand::Scalar(x), Operand::Scalar(y)]) => {
-                    let range = (f.range)(b.range(*x), b.range(*y));
-                    let value = (f.build)(b, *x, *y);
-                    b.assume(value, range);
-                    value
+            }
+            Symbol::At(_) => match operands.remove(0) {
+                // What a bare feature is read for decides how: it keeps its own place.
+                (bare @ Operand::Vector(..), _) => {
+                    let place = places[position - 1];
+                    Operand::Wide(at.components(b, bare, place))
                 }
-                (Form::Vectors(f), [Operand::Vector(p, m), Operand::Vector(q, n)]) => {
-                    let pairs = at.components(b, (*p, *m), (*q, *n), f.differences);
-                    (f.build)(b, &pairs)
-                }
-                (Form::Unary(_) | Form::Binary(_) | Form::Vectors(_), _) => {
-                    unreachable!("a Tree is well-sorted, so {op:?} finds its operands")
-                }
+                (operand, _) => operand,
             },
+            Symbol::Part(k) => {
+                let operands = all_components(b, at, &places, operands, &mut nodes);
+                Operand::Scalar(operands[0][usize::from(k)])
+            }
+            Symbol::Many(function, _) => {
+                let operands = all_components(b, at, &places, operands, &mut nodes);
+                Operand::Wide(match function {
+                    Variadic::Join => operands.concat(),
+                    Variadic::Median => median(b, &operands),
+                    Variadic::Clamp => clamp(b, &operands),
+                    Variadic::Mean => vec![mean(b, &operands.concat())],
+                    Variadic::Luminance => vec![luminance(b, &operands[0])],
+                })
+            }
+            Symbol::Linear(layer) => {
+                let operands = all_components(b, at, &places, operands, &mut nodes);
+                let layer = &at.constants.layers[usize::from(layer.layer)];
+                Operand::Wide(linear(b, layer, &operands[0]))
+            }
         };
-        stack.push(Operand::Scalar(value));
-        nodes.push(Some(value));
+        nodes.push(match &operand {
+            Operand::Scalar(value) => vec![*value],
+            Operand::Wide(values) => values.clone(),
+            Operand::Vector(..) => Vec::new(),
+        });
+        stack.push((operand, position));
+    }
+    if let Some((bare @ Operand::Vector(..), root)) = stack.pop() {
+        nodes[root] = at.components(b, bare, places[root]);
     }
     nodes
 }
 
-/// What is known of every scalar node's value, by position.
+/// The components of operands. Those of bare features are noted with their nodes.
+fn all_components(
+    b: &mut Builder,
+    at: &Surroundings<'_>,
+    places: &[Place],
+    operands: Vec<(Operand, usize)>,
+    nodes: &mut [Vec<Value>],
+) -> Vec<Vec<Value>> {
+    let components = operands.into_iter().map(|(operand, position)| {
+        let values = at.components(b, operand, places[position]);
+        nodes[position].clone_from(&values);
+        values
+    });
+    components.collect()
+}
+
+/// An operator on numbers, component by component.
+fn operator(b: &mut Builder, op: Op, form: Form, operands: &[Vec<Value>]) -> Operand {
+    let width = operands.iter().map(Vec::len).max().unwrap_or(1);
+    // What a row says of its results holds for operands as they were rounded. Contracted
+    // arithmetic leaves that rounding out, and its primitives know their own ranges.
+    let contracted = b.rules().contract && matches!(op, Op::Add | Op::Sub | Op::Mul);
+    let mut component = |k: usize| {
+        let operand = |n: usize| {
+            let values: &Vec<Value> = &operands[n];
+            values[k.min(values.len() - 1)]
+        };
+        let (value, range) = match form {
+            Form::Unary(f) => {
+                let range = (f.range)(b.range(operand(0)));
+                ((f.build)(b, operand(0)), range)
+            }
+            Form::Binary(f) => {
+                let range = (f.range)(b.range(operand(0)), b.range(operand(1)));
+                ((f.build)(b, operand(0), operand(1)), range)
+            }
+            Form::Vectors(_) => unreachable!("functions of two vectors have a way of their own"),
+        };
+        if !contracted {
+            b.assume(value, range);
+        }
+        value
+    };
+    match width {
+        1 => Operand::Scalar(component(0)),
+        width => Operand::Wide((0..width).map(component).collect()),
+    }
+}
+
+/// The first operand, kept between the second and the third.
+fn clamp(b: &mut Builder, operands: &[Vec<Value>]) -> Vec<Value> {
+    let width = operands.iter().map(Vec::len).max().unwrap_or(1);
+    (0..width)
+        .map(|k| {
+            let [x, low, high] = [0, 1, 2].map(|n: usize| {
+                let values: &Vec<Value> = &operands[n];
+                values[k.min(values.len() - 1)]
+            });
+            let raised = b.max(x, low);
+            b.min(raised, high)
+        })
+        .collect()
+}
+
+/// The mean of some values, which are summed in their order.
+fn mean(b: &mut Builder, values: &[Value]) -> Value {
+    let sum = values.iter().copied().reduce(|sum, x| b.sum(sum, x));
+    let share = b.constant(1.0 / values.len() as f32);
+    let mean = b.product(sum.expect("a value has components"), share);
+    b.limited(mean)
+}
+
+fn luminance(b: &mut Builder, color: &[Value]) -> Value {
+    let parts = color.iter().zip(Variadic::LUMINANCE);
+    let parts: Vec<Value> = parts
+        .map(|(&x, share)| {
+            let share = b.constant(share);
+            b.product(x, share)
+        })
+        .collect();
+    let sum = parts.into_iter().reduce(|sum, x| b.sum(sum, x)).expect("three components");
+    b.limited(sum)
+}
+
+/// The lower median of every component.
+fn median(b: &mut Builder, operands: &[Vec<Value>]) -> Vec<Value> {
+    let width = operands.iter().map(Vec::len).max().unwrap_or(1);
+    (0..width)
+        .map(|k| {
+            let values = operands.iter().map(|values| values[k.min(values.len() - 1)]);
+            middle(b, values.collect())
+        })
+        .collect()
+}
+
+/// The lower median of some values by forgetful selection: among the first half and two
+/// more, the least and the greatest cannot be the median; they are dropped, and the next
+/// value takes their place.
+fn middle(b: &mut Builder, mut values: Vec<Value>) -> Value {
+    // Of an even number the lower median is that of all but the greatest.
+    let sort = |b: &mut Builder, pool: &mut [Value], x: usize, y: usize| {
+        let (low, high) = (b.min(pool[x], pool[y]), b.max(pool[x], pool[y]));
+        (pool[x], pool[y]) = (low, high);
+    };
+    if values.len().is_multiple_of(2) {
+        let last = values.len() - 1;
+        (0..last).for_each(|k| sort(b, &mut values, k, last));
+        values.pop();
+    }
+    let count = values.len();
+    let mut rest = values.split_off((count / 2 + 2).min(count)).into_iter();
+    let mut pool = values;
+    while pool.len() > 1 {
+        let last = pool.len() - 1;
+        (1..=last).for_each(|k| sort(b, &mut pool, 0, k));
+        (1..last).for_each(|k| sort(b, &mut pool, k, last));
+        pool.remove(last);
+        pool.remove(0);
+        pool.extend(rest.next());
+    }
+    pool[0]
+}
+
+/// W x + b, each row summed from the left. Values stay within ±LIMIT.
+fn linear(b: &mut Builder, layer: &Layer, x: &[Value]) -> Vec<Value> {
+    let rows = layer.weights.iter().zip(&layer.bias);
+    rows.map(|(row, &bias)| {
+        let mut sum = b.constant(bias);
+        for (&weight, &x) in row.iter().zip(x) {
+            let weight = b.constant(weight);
+            sum = b.fma(weight, x, sum);
+        }
+        b.limited(sum)
+    })
+    .collect()
+}
+
+/// What is known of every node's components, by position: of several components what
+/// holds of all.
 pub(super) fn ranges(tree: &Tree, at: &Surroundings<'_>) -> Vec<Interval> {
     let mut b = Builder::new(crate::expr::builder::Rules::ALL);
     let nodes = lower(&mut b, tree, at);
-    nodes.into_iter().map(|node| node.map_or(Interval::ENTIRE, |v| b.range(v))).collect()
+    let range = |values: Vec<Value>| values.into_iter().map(|v| b.range(v)).reduce(Interval::hull);
+    nodes.into_iter().map(|values| range(values).unwrap_or(Interval::ENTIRE)).collect()
 }

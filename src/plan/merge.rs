@@ -214,12 +214,14 @@ mod tests {
 
     fn merged(text: &str, features: Interval) -> String {
         let tree: Tree = text.parse().expect("valid text");
-        let window = crate::plan::Window { radius: 2, dilation: 1 };
+        let window = crate::filter::Window { radius: 2, dilation: 1 };
         let at = super::super::lower::Surroundings {
             range: &|_| features,
-            window,
+            window: Some(window),
             mirrored: false,
             precision: crate::plan::Precision::Standard,
+            constants: &crate::expr::Constants::default(),
+            reads: &std::cell::RefCell::default(),
         };
         merge(&tree, &super::super::lower::ranges(&tree, &at)).to_string()
     }

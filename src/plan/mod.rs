@@ -17,32 +17,34 @@
 //! A plan's fields are private: what a back end sees has been through here, so
 //! it may rely on what is promised below and contains no policy of its own.
 
-pub mod file;
-mod filter;
 mod lower;
 mod merge;
 mod passes;
 mod precision;
 mod rate;
-pub mod shipped;
+mod schedule;
 mod support;
 mod symmetry;
 mod taps;
 
 use std::borrow::Cow;
+use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 use crate::expr::builder::{Builder, LIMIT};
+use crate::expr::constants::Constants;
 use crate::expr::feature::PlaneId;
 use crate::expr::interval::Interval;
 use crate::expr::tape::{Tape, Value};
-use crate::expr::tree::Tree;
+use crate::expr::tree::{Source, Tree};
+use crate::filter::Window;
 use crate::scene::facts::{Fact, Facts};
 
-pub use filter::{Filter, Source, Stage, Window};
+pub use lower::Read;
 pub use passes::{PASSES, PassRow, Passes};
 pub use precision::Precision;
 pub use rate::Tapes;
+pub use schedule::{Edges, GatherKernel, Kernel, MapKernel, Output, Program, Schedule};
 pub use taps::{Run, Taps};
 
 /// Why no plan can be made.
@@ -87,6 +89,29 @@ pub struct Plan {
     mirrored: Option<Tapes>,
     signed: bool,
     converged: bool,
+    channels: usize,
+    reads: Vec<Read>,
+}
+
+/// Channels of what the paper's filters average: R, G, B and the constant one.
+const COLORS: usize = 4;
+
+/// What a plan takes for granted of the planes that it was made for, also of those that no
+/// tape reads in the end: they were left out because of what is known of them.
+fn assumed(planes: impl Iterator<Item = PlaneId>, facts: &Facts, passes: Passes) -> Facts {
+    Facts::from_planes(planes.map(|plane| match passes.facts {
+        true => (plane, facts.get(plane)),
+        false => (plane, Fact::Range(Interval::ENTIRE)),
+    }))
+}
+
+/// What is known of a feature's plane; everything if facts are not to be used.
+fn feature_range(fact: Fact, passes: Passes) -> Interval {
+    match fact {
+        Fact::Constant(x) if passes.facts => Interval::point(x),
+        Fact::Range(range) if passes.facts => range,
+        Fact::Absent | Fact::Constant(_) | Fact::Range(_) => Interval::new(-LIMIT, LIMIT),
+    }
 }
 
 impl Plan {
@@ -98,30 +123,47 @@ impl Plan {
         facts: &Facts,
         passes: Passes,
     ) -> Result<Self, PlanError> {
+        for weight in weights {
+            check(weight, facts)?;
+        }
+        let range = |source| match source {
+            Source::Feature(plane) => feature_range(facts.get(plane), passes),
+            Source::Stage(_) => unreachable!("only programs have stages"),
+        };
+        let constants = Constants::default();
+        let plan = Self::gather(weights, window, &range, &constants, COLORS, false, passes)?;
+        Ok(Self { facts: assumed(weights.iter().flat_map(Tree::planes), facts, passes), ..plan })
+    }
+
+    /// Plans weights that may read what a program has: `range` is what is known of a
+    /// plane. They are applied to so many `channels`, the constant one among them. If
+    /// `squared`, the squares of the weights follow them as further weights.
+    fn gather(
+        weights: &[Tree],
+        window: Window,
+        range: &dyn Fn(Source) -> Interval,
+        constants: &Constants,
+        channels: usize,
+        squared: bool,
+        passes: Passes,
+    ) -> Result<Self, PlanError> {
         if window.dilation == 0 {
             return Err(PlanError::Dilation);
         }
         if window.reach() > Window::MAX_RADIUS {
             return Err(PlanError::Window { reach: window.reach() });
         }
-        for weight in weights {
-            check(weight, facts)?;
-        }
-        let range = |plane| match facts.get(plane) {
-            Fact::Constant(x) if passes.facts => Interval::point(x),
-            Fact::Range(range) if passes.facts => range,
-            Fact::Absent | Fact::Constant(_) | Fact::Range(_) => Interval::new(-LIMIT, LIMIT),
-        };
-        // Also of planes that no tape reads in the end: they were left out because of
-        // what is known of them.
-        let read = weights.iter().flat_map(Tree::planes).map(|plane| match passes.facts {
-            true => (plane, facts.get(plane)),
-            false => (plane, Fact::Range(Interval::ENTIRE)),
-        });
-        let kept = Facts::from_planes(read);
         let precision = passes.precision;
         let expressions = weights.to_vec();
-        let at = lower::Surroundings { range: &range, window, mirrored: false, precision };
+        let reads = RefCell::default();
+        let at = lower::Surroundings {
+            range,
+            window: Some(window),
+            mirrored: false,
+            precision,
+            constants,
+            reads: &reads,
+        };
         let weights: Vec<Cow<'_, Tree>> = weights
             .iter()
             .map(|weight| match passes.merge {
@@ -137,11 +179,17 @@ impl Plan {
 
         let mut b = Builder::new(passes.rules());
         let mut lower_all = |at: &lower::Surroundings<'_>| -> Vec<Value> {
-            let lower = |weight: &Cow<'_, Tree>| {
-                let nodes = lower::lower(&mut b, weight, at);
-                nodes[weight.root()].expect("the root is a scalar, as checked above")
-            };
-            weights.iter().map(lower).collect()
+            let mut results: Vec<Value> = Vec::with_capacity(weights.len() * 2);
+            for weight in &weights {
+                let mut nodes = lower::lower(&mut b, weight, at);
+                let root = nodes.pop().expect("a tree has a root");
+                results.push(*root.first().expect("the root is a number, as checked before"));
+            }
+            if squared {
+                let squares: Vec<Value> = results.iter().map(|&w| b.product(w, w)).collect();
+                results.extend(squares.into_iter().map(|square| b.limited(square)));
+            }
+            results
         };
         let results = lower_all(&at);
         let both = passes.symmetry.then(|| {
@@ -153,9 +201,21 @@ impl Plan {
         let signed = tape.results().iter().any(|&r| tape.range(r).lo < 0.0);
         let tapes = rate::split(&tape, passes.rate, false);
         let mirrored = both.map(|tape| rate::split(&tape, passes.rate, true));
-        let mirrored = mirrored.filter(|mirrored| symmetry::pays(&tapes, mirrored));
-        let converged = passes.converged;
-        Ok(Self { expressions, facts: kept, window, taps, tapes, mirrored, signed, converged })
+        let mirrored = mirrored.filter(|mirrored| symmetry::pays(&tapes, mirrored, channels));
+        let reads = reads.into_inner();
+        let (converged, facts) = (passes.converged, Facts::default());
+        Ok(Self {
+            expressions,
+            facts,
+            window,
+            taps,
+            tapes,
+            mirrored,
+            signed,
+            converged,
+            channels,
+            reads,
+        })
     }
 
     /// The weights as they were given, for whoever wants to know what they mean.
@@ -217,6 +277,16 @@ impl Plan {
         self.tapes.pair.results().len()
     }
 
+    /// How many channels the weights are multiplied with, the constant one among them.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// The planes that the tapes read as [`Signal`](crate::expr::tape::Input::Signal)s.
+    pub fn reads(&self) -> &[Read] {
+        &self.reads
+    }
+
     /// Whether a weight may be negative, so that sums may cancel.
     pub fn signed(&self) -> bool {
         self.signed
@@ -235,7 +305,7 @@ impl Plan {
 }
 
 fn check(weight: &Tree, facts: &Facts) -> Result<(), PlanError> {
-    if weight.sort() != crate::expr::Sort::Scalar {
+    if weight.width() != 1 || weight.sort() != crate::expr::Sort::Scalar {
         return Err(PlanError::Vector(weight.to_string()));
     }
     for plane in weight.planes() {

@@ -25,7 +25,9 @@ enum Rate {
 impl Rate {
     fn of_input(input: Input) -> Self {
         match input {
-            Input::Plane(_, side) | Input::PerPixel(_, side) => Self::Pixel(side),
+            Input::Plane(_, side) | Input::PerPixel(_, side) | Input::Signal(_, side) => {
+                Self::Pixel(side)
+            }
             Input::Offset(_) | Input::PerTap(_) => Self::Tap,
         }
     }
@@ -59,7 +61,9 @@ impl Tapes {
             .chain(self.pair.inputs())
             .filter_map(|input| match input {
                 Input::Plane(plane, _) => Some(plane),
-                Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) => None,
+                Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) | Input::Signal(..) => {
+                    None
+                }
             })
             .collect()
     }
@@ -150,6 +154,9 @@ fn twins(tape: &Tape) -> Vec<Option<Value>> {
             }
             Instr::Input(Input::PerPixel(k, side)) => {
                 made.get(&Instr::Input(Input::PerPixel(k, side.other()))).copied()
+            }
+            Instr::Input(Input::Signal(k, side)) => {
+                made.get(&Instr::Input(Input::Signal(k, side.other()))).copied()
             }
             Instr::Prim(prim, _) => {
                 let known = instr.operands().iter().all(|a| twins[a.index()].is_some());

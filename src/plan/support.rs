@@ -8,13 +8,13 @@
 
 use std::borrow::Borrow;
 
-use super::Window;
 use super::lower::{Surroundings, ranges};
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::Feature;
 use crate::expr::interval::Interval;
 use crate::expr::op::Form;
 use crate::expr::tree::{Symbol, Tree};
+use crate::filter::Window;
 
 /// What a value computed in another order, or with fused operations, may be off.
 const ROUNDING: f32 = 1e-6;
@@ -52,7 +52,8 @@ struct Weight<'a> {
 
 impl<'a> Weight<'a> {
     fn new(tree: &'a Tree, at: &'a Surroundings<'a>) -> Self {
-        let looks_at_offset = tree.symbols().contains(&Symbol::Vector(Feature::Pixel));
+        let offsets = [Symbol::Vector(Feature::Pixel), Symbol::Offset];
+        let looks_at_offset = tree.symbols().iter().any(|symbol| offsets.contains(symbol));
         let known = if looks_at_offset { ranges(tree, at) } else { Vec::new() };
         Self { tree, at, known, looks_at_offset }
     }
@@ -63,47 +64,43 @@ impl<'a> Weight<'a> {
     }
 
     fn range_at(&self, offset: [i32; 2]) -> Interval {
-        enum Operand {
-            Scalar(Interval),
-            Vector(Symbol),
-        }
         let pairs = offset.map(|along| (0.0, f64::from(along)));
-        let mut stack: Vec<Operand> = Vec::new();
+        let mut stack: Vec<Interval> = Vec::new();
         for (position, &symbol) in self.tree.symbols().iter().enumerate() {
             let operands = stack.split_off(stack.len() - symbol.arity());
-            let range = match (symbol, operands.as_slice()) {
-                (Symbol::Vector(_) | Symbol::Gradient(_), _) => {
-                    stack.push(Operand::Vector(symbol));
-                    continue;
-                }
-                (Symbol::Const(_) | Symbol::Variance(_), _) => self.known[position],
-                (Symbol::Op(op), operands) => match (self.at.form(op), operands) {
-                    (Form::Unary(f), &[Operand::Scalar(x)]) => rounded((f.range)(x)),
-                    (Form::Binary(f), &[Operand::Scalar(x), Operand::Scalar(y)]) => {
-                        rounded((f.range)(x, y))
-                    }
-                    (
-                        Form::Vectors(f),
-                        [
-                            Operand::Vector(Symbol::Vector(Feature::Pixel)),
-                            Operand::Vector(Symbol::Vector(Feature::Pixel)),
-                        ],
-                    ) if f.differences => {
+            let coordinates = Symbol::Vector(Feature::Pixel);
+            let range = match symbol {
+                Symbol::Op(op) => match (self.at.form(op), operands.as_slice()) {
+                    (Form::Unary(f), &[x]) => rounded((f.range)(x)),
+                    (Form::Binary(f), &[x, y]) => rounded((f.range)(x, y)),
+                    (Form::Vectors(f), _)
+                        if f.differences
+                            && self.tree.symbols()[..position].ends_with(&[coordinates; 2]) =>
+                    {
                         let distance = (f.meaning)(&pairs) as f32;
                         rounded(Interval::point(distance))
                     }
                     (Form::Vectors(_), _) => self.known[position],
                     (Form::Unary(_) | Form::Binary(_), _) => {
-                        unreachable!("a Tree is well-sorted, so {op:?} finds its operands")
+                        unreachable!("a Tree is well-formed, so {op:?} finds its operands")
                     }
                 },
+                // Of several components, what holds of all.
+                Symbol::At(_) => operands[0],
+                Symbol::Const(_)
+                | Symbol::Variance(_)
+                | Symbol::Vector(_)
+                | Symbol::Gradient(_)
+                | Symbol::Stage(_)
+                | Symbol::Param(_)
+                | Symbol::Offset
+                | Symbol::Part(_)
+                | Symbol::Many(..)
+                | Symbol::Linear(_) => self.known[position],
             };
-            stack.push(Operand::Scalar(range));
+            stack.push(range);
         }
-        match stack.as_slice() {
-            [Operand::Scalar(range)] => *range,
-            _ => unreachable!("a weight is one scalar"),
-        }
+        stack.pop().expect("a tree leaves its root on the stack")
     }
 }
 
@@ -113,15 +110,24 @@ fn rounded(range: Interval) -> Interval {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+
     use super::*;
+    use crate::expr::Constants;
     use crate::plan::Precision;
 
     /// The extents of a weight in scenes whose features are within ±1.
     fn of(text: &str, radius: u32) -> Vec<Option<u32>> {
         let window = Window::dense(radius);
         let range = |_| Interval::new(-1.0, 1.0);
-        let at =
-            Surroundings { range: &range, window, mirrored: false, precision: Precision::Standard };
+        let at = Surroundings {
+            range: &range,
+            window: Some(window),
+            mirrored: false,
+            precision: Precision::Standard,
+            constants: &Constants::default(),
+            reads: &RefCell::default(),
+        };
         extents(&[text.parse::<Tree>().expect("parses")], window, &at)
     }
 
@@ -159,8 +165,14 @@ mod tests {
     fn weights_of_one_plan_share_the_widest_support() {
         let window = Window::dense(4);
         let range = |_| Interval::new(0.0, 1.0);
-        let at =
-            Surroundings { range: &range, window, mirrored: false, precision: Precision::Standard };
+        let at = Surroundings {
+            range: &range,
+            window: Some(window),
+            mirrored: false,
+            precision: Precision::Standard,
+            constants: &Constants::default(),
+            reads: &RefCell::default(),
+        };
         let trees: Vec<Tree> = [2.5, 1.5]
             .map(|r| format!("biweight(distance1(pixel, pixel) / {r})").parse().expect("parses"))
             .into();

@@ -8,9 +8,6 @@
 use super::rate::Tapes;
 use crate::expr::tape::{Instr, Prim, Tape};
 
-/// Channels that a weight is summed with.
-const CHANNELS: usize = 4;
-
 /// What adding a weight to a channel costs: a load and a fused multiply-add.
 const ADD: usize = 2;
 
@@ -29,11 +26,11 @@ const MOST: usize = 8;
 /// still, since arithmetic goes on while sums are waited for. The prices part bred
 /// expressions and named filters, alone and in batches, at both precisions, where they
 /// were measured to part (benches/RESULTS.md).
-pub(super) fn pays(plain: &Tapes, mirrored: &Tapes) -> bool {
+pub(super) fn pays(plain: &Tapes, mirrored: &Tapes, channels: usize) -> bool {
     if plain.pair.results().len() > MOST {
         return false;
     }
-    let sums = CHANNELS * plain.pair.results().len();
+    let sums = channels * plain.pair.results().len();
     let both_ways = 2 * (cost(&plain.pair) + sums * ADD);
     let at_once = cost(&mirrored.pair) + sums * (ADD + ADD_MIRRORED);
     at_once * 20 < both_ways * 21

@@ -13,7 +13,7 @@
 //! pixel from the left, then reaches each of them in exactly the order of 1, 2 and
 //! 6. So using a weight for both of its ends changes no bit.
 
-use super::Window;
+use crate::filter::Window;
 
 /// Taps side by side: `count` of them, the first at (dx, dy) from pixel i, each
 /// `step` columns from the one before. All in pixels.

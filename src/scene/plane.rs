@@ -38,6 +38,12 @@ impl Layout {
         Self { width, height, pad, stride }
     }
 
+    /// The layout of so many rows of the same image.
+    #[must_use]
+    pub fn with_height(self, height: usize) -> Self {
+        Self { height, ..self }
+    }
+
     /// Pixels per row.
     pub fn width(&self) -> usize {
         self.width

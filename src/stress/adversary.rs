@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Ground, Kind};
 use crate::expr::{Feature, Quantity};
-use crate::plan::Window;
+use crate::filter::Window;
 use crate::scene::RawScene;
 
 const WIDTH: usize = 40;

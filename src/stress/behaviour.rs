@@ -8,7 +8,7 @@ use super::trial::{Trial, exact, filter, prepare};
 use super::{Ground, StressError};
 use crate::backend::Backend;
 use crate::expr::{Feature, Quantity};
-use crate::plan::Stage;
+use crate::filter::Gather;
 use crate::scene::{RawScene, SceneError};
 
 /// What is wrong with a feature.
@@ -65,7 +65,7 @@ pub struct Behaviour {
 
 /// Gives a filter each fault of each feature that it reads.
 pub(super) fn observe(
-    stage: &Stage,
+    stage: &Gather,
     backend: &dyn Backend,
     seed: u64,
 ) -> Result<Vec<Behaviour>, StressError> {

@@ -7,7 +7,7 @@ use super::behaviour::Behaviour;
 use super::invariance::Invariance;
 use super::sensitivity::Sensitivity;
 use super::verdict::{Reason, Verdict, reasons};
-use super::{Engine, Stage};
+use super::{Engine, Gather};
 
 /// A filter's stability certificate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -49,7 +49,7 @@ pub struct EngineEntry {
 
 impl Certificate {
     /// One without figures.
-    pub(super) fn new(filter: &str, stage: &Stage, engines: &[Engine<'_>], seed: u64) -> Self {
+    pub(super) fn new(filter: &str, stage: &Gather, engines: &[Engine<'_>], seed: u64) -> Self {
         let entry = |engine: &Engine<'_>| EngineEntry {
             name: engine.name.clone(),
             bound: engine

@@ -31,7 +31,8 @@ mod trial;
 pub mod verdict;
 
 use crate::backend::{Backend, BackendError, Interpreter};
-use crate::plan::{PlanError, Precision, Stage};
+use crate::filter::Gather;
+use crate::plan::{PlanError, Precision};
 use crate::scene::{Needs, RawScene, SceneError};
 
 pub use certificate::Certificate;
@@ -116,7 +117,7 @@ pub enum StressError {
 }
 
 /// The planes that a stage reads.
-pub fn needs(stage: &Stage) -> Needs {
+pub fn needs(stage: &Gather) -> Needs {
     Needs::planes(stage.weight.planes())
 }
 
@@ -128,7 +129,7 @@ pub fn needs(stage: &Stage) -> Needs {
 /// If a real scene lacks what the filter reads, or that engine fails.
 pub fn certify(
     filter: &str,
-    stage: &Stage,
+    stage: &Gather,
     real: &[Ground],
     engines: &[Engine<'_>],
     seed: u64,

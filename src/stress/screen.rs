@@ -15,7 +15,7 @@ use super::verdict::{INACCURACY, ULP};
 use super::{Ground, Kind, StressError};
 use crate::backend::{ACCURACY, Backend, Rect, oracle};
 use crate::expr::Tree;
-use crate::plan::{Source, Stage, Window};
+use crate::filter::{Gather, Window};
 use crate::scene::{LoadOptions, Needs, RawScene, Scene, SceneError};
 
 /// Rows of a rendered scene that are computed exactly. What magnifies roundings (an arc
@@ -98,7 +98,7 @@ impl<'a> Screen<'a> {
 impl Pair {
     fn tells(&self, screen: &Screen<'_>, tree: &Tree) -> Result<bool, StressError> {
         let window = Window { radius: self.radius, ..screen.window };
-        let stage = Stage { weight: tree.clone(), window, source: Source::Color };
+        let stage = Gather::of_color(tree.clone(), window);
         let before = filter(&self.before, &stage, screen.backend)?;
         let after = filter(&self.after, &stage, screen.backend)?;
         let changes = before.iter().zip(&after).enumerate();
@@ -114,7 +114,7 @@ impl Pair {
     }
 
     /// Whether some rows are too far from exact.
-    fn is_inexact(&self, stage: &Stage, computed: &[[f32; 3]]) -> bool {
+    fn is_inexact(&self, stage: &Gather, computed: &[[f32; 3]]) -> bool {
         if self.kind != Kind::Real {
             return false;
         }

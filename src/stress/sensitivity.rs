@@ -16,7 +16,7 @@ use crate::backend::Backend;
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::Unit;
 use crate::expr::{Feature, PlaneId, Quantity};
-use crate::plan::Stage;
+use crate::filter::Gather;
 use crate::scene::{RawScene, Scene};
 
 /// Relative noise that no renderer's features are free of.
@@ -82,7 +82,7 @@ pub(super) fn measure(
 
 /// What of a scene's features a filter's result depends on: the colour, which it
 /// averages, and what the planes that it reads come from.
-pub(super) fn stored(stage: &Stage, raw: &RawScene) -> Vec<(Feature, Quantity)> {
+pub(super) fn stored(stage: &Gather, raw: &RawScene) -> Vec<(Feature, Quantity)> {
     let planes = stage.weight.planes();
     let reads = |(feature, quantity): (Feature, Quantity)| {
         let estimated = !raw.features.contains_key(&(feature, Quantity::Variance));

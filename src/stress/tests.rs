@@ -7,11 +7,11 @@ use super::sensitivity::Noise;
 use super::trial::Trial;
 use super::*;
 use crate::expr::{Feature, Quantity, codebook};
-use crate::plan::{Source, Window};
+use crate::filter::Window;
 
-fn stage(weight: &str) -> Stage {
+fn stage(weight: &str) -> Gather {
     let weight = weight.parse().unwrap_or_else(|error| panic!("{weight}: {error}"));
-    Stage { weight, window: Window::dense(2), source: Source::Color }
+    Gather::of_color(weight, Window::dense(2))
 }
 
 fn guards(weight: &str) -> Guards {
@@ -38,7 +38,7 @@ fn guards_are_told_apart() {
     let channel: Vec<f32> = (0..pixels).map(|k| if k % 2 == 0 { 1e18 } else { 9e17 }).collect();
     ground.raw.features.insert((Feature::Color, Quantity::Value), vec![channel; 3]);
     ground.radius = 10;
-    let stage = Stage { window: Window::dense(10), ..stage("1e18") };
+    let stage = Gather { window: Window::dense(10), ..stage("1e18") };
     let trial = Trial::new(&ground, &stage, &Interpreter).expect("it reads nothing");
     let overflow = Guards::of(&trial);
     assert!((1..pixels).contains(&overflow.overflowed), "{overflow:?}");
@@ -49,7 +49,7 @@ fn guards_are_told_apart() {
 fn noise_is_of_the_size_that_it_says_and_leaves_zeros() {
     // Weights that know nothing: colours change by what they are changed by.
     let ground = steps_alone(1);
-    let stage = Stage { window: Window::dense(0), ..stage("1") };
+    let stage = Gather { window: Window::dense(0), ..stage("1") };
     let trial = Trial::new(&ground, &stage, &Interpreter).expect("it reads nothing");
     let stream = Stream { seed: 1, scene: 0 };
     let measured = sensitivity::measure(&trial, &Interpreter, stream).expect("it runs");

@@ -5,14 +5,15 @@ use rayon::prelude::*;
 use super::{Ground, StressError, needs};
 use crate::backend::oracle::{self, Exact};
 use crate::backend::{Backend, Rect};
-use crate::plan::{Passes, Plan, Precision, Stage, Window};
+use crate::filter::{Gather, Window};
+use crate::plan::{Passes, Plan, Precision};
 use crate::scene::{Facts, LoadOptions, RawScene, Scene};
 
 /// The filter on one scene, with what every measurement starts from.
 pub(super) struct Trial<'a> {
     pub(super) ground: &'a Ground,
     /// The filter with the window for this scene.
-    pub(super) stage: Stage,
+    pub(super) stage: Gather,
     pub(super) scene: Scene,
     /// The exact colours, row by row.
     pub(super) exact: Vec<Exact>,
@@ -23,11 +24,11 @@ pub(super) struct Trial<'a> {
 impl<'a> Trial<'a> {
     pub(super) fn new(
         ground: &'a Ground,
-        stage: &Stage,
+        stage: &Gather,
         backend: &dyn Backend,
     ) -> Result<Self, StressError> {
         let window = Window { radius: ground.radius.min(stage.window.radius), ..stage.window };
-        let stage = Stage { window, ..stage.clone() };
+        let stage = Gather { window, ..stage.clone() };
         let scene = prepare(ground.raw.clone(), &stage)?;
         let exact = exact(&scene, &stage);
         let filtered = filter(&scene, &stage, backend)?;
@@ -57,7 +58,7 @@ pub(super) fn overflows(exact: &Exact) -> bool {
 }
 
 /// The scene that a stage works on, with all that it reads.
-pub(super) fn prepare(raw: RawScene, stage: &Stage) -> Result<Scene, StressError> {
+pub(super) fn prepare(raw: RawScene, stage: &Gather) -> Result<Scene, StressError> {
     let needs = needs(stage);
     let scene = raw.prepare(&needs, stage.window.reach() as usize, &LoadOptions::default())?;
     scene.require(&needs)?;
@@ -65,7 +66,7 @@ pub(super) fn prepare(raw: RawScene, stage: &Stage) -> Result<Scene, StressError
 }
 
 /// The exact colours of a whole scene, row by row.
-pub(super) fn exact(scene: &Scene, stage: &Stage) -> Vec<Exact> {
+pub(super) fn exact(scene: &Scene, stage: &Gather) -> Vec<Exact> {
     let (width, height) = (scene.layout().width(), scene.layout().height());
     let row = |y| oracle::filter(scene, stage, Rect { x: 0, y, width, height: 1 });
     (0..height).into_par_iter().flat_map_iter(row).collect()
@@ -74,7 +75,7 @@ pub(super) fn exact(scene: &Scene, stage: &Stage) -> Vec<Exact> {
 /// The computed colours of a whole scene, row by row, at standard precision.
 pub(super) fn filter(
     scene: &Scene,
-    stage: &Stage,
+    stage: &Gather,
     backend: &dyn Backend,
 ) -> Result<Vec<[f32; 3]>, StressError> {
     filter_at(Precision::Standard, scene, stage, backend)
@@ -84,7 +85,7 @@ pub(super) fn filter(
 pub(super) fn filter_at(
     precision: Precision,
     scene: &Scene,
-    stage: &Stage,
+    stage: &Gather,
     backend: &dyn Backend,
 ) -> Result<Vec<[f32; 3]>, StressError> {
     let name = || scene.name().to_owned();

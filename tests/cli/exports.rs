@@ -8,8 +8,12 @@ use crate::place::{EDGE_AWARE, Place};
 fn exports_go_to_stdout_or_whole_into_a_file() {
     let place = Place::new();
     let filter = |name: &str, stages: usize| {
-        let stage = format!("[[stage]]\nradius = 4\nweight = \"{EDGE_AWARE}\"\n");
-        let text = format!("version = 1\nname = \"{name}\"\n{}", stage.repeat(stages));
+        let stage = |k: usize| {
+            let of = "gather = \"color\"\nradius = 4";
+            format!("[[stage]]\nname = \"s{k}\"\n{of}\nweight = \"{EDGE_AWARE}\"\n")
+        };
+        let stages_text: String = (0..stages).map(stage).collect();
+        let text = format!("version = 2\nname = \"{name}\"\n{stages_text}");
         fs::write(place.path(&format!("{stages}.toml")), text).expect("writable");
     };
     filter("edge*/aware", 1);

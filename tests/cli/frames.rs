@@ -144,9 +144,25 @@ fn a_frame_without_a_filter_gets_what_it_can_feed() {
     write_exr(&place.path("frames/b.exr"), &CLEAN);
     write_exr(&place.path("frames/c.exr"), &[&NOISY[..], &[depth]].concat());
     let frames = ["frames/a.exr", "frames/b.exr", "frames/c.exr"];
-    let output = place.run(&[&["denoise"], &frames[..], &["-o", "clean/"]].concat());
-    let report = stderr(&output);
-    assert!(output.status.success(), "{report}");
+    let denoise = |more: &[&str]| {
+        let output = place.run(&[&["denoise"], &frames[..], &["-o", "clean/"], more].concat());
+        let report = stderr(&output);
+        assert!(output.status.success(), "{report}");
+        report
+    };
+    // The best is a program, which does without everything but colour and albedo.
+    let report = denoise(&[]);
+    for (frame, lacking, what) in [
+        ("a", "no reflected albedo, no depth", "`tamis-3` does without"),
+        ("b", "no albedo", "using `bilateral` instead of `tamis-3`"),
+        ("c", "no reflected albedo", "`tamis-3` does without"),
+    ] {
+        let why = format!("frames/{frame}.exr: {lacking} in the file: {what}");
+        assert!(report.lines().any(|line| line == why), "no `{why}` in: {report}");
+    }
+
+    // Radii are for single weights.
+    let report = denoise(&["--radius", "10"]);
     for (frame, lacking, filter) in [
         ("a", "no positions, no direct light", "guided-normal-albedo"),
         ("b", "no positions, no normals, no albedo, no direct light", "bilateral"),

@@ -9,7 +9,8 @@ use tamis::backend::shader::{Loads, Shader, Style};
 use tamis::backend::wgsl::{Arithmetic, Dialect};
 use tamis::backend::{ACCURACY, Backend, BackendError, Jit, Rect, oracle};
 use tamis::expr::{Feature, Op, Quantity, Tree, codebook};
-use tamis::plan::{Filter, Passes, Plan, Precision, Source, Stage, Window};
+use tamis::filter::{Filter, Gather, Window};
+use tamis::plan::{Passes, Plan, Precision};
 use tamis::scene::{Facts, Image, LoadOptions, Needs, RawScene, Scene};
 
 use crate::fixture::{bred, parse, scene};
@@ -138,7 +139,7 @@ fn test_scenes(filters: &[(String, Tree)], radius: u32, step: usize) {
         let mut left_out = 0;
         for (filter, weight) in filters {
             let window = Window::dense(radius);
-            let stage = Stage { weight: weight.clone(), window, source: Source::Color };
+            let stage = Gather::of_color(weight.clone(), window);
             let exact: Vec<oracle::Exact> =
                 rows.par_iter().flat_map(|&row| oracle::filter(&scene, &stage, row)).collect();
             left_out += exact.iter().filter(|exact| !exact.is_promised()).count();
@@ -170,7 +171,7 @@ fn bred_filters() -> Vec<(String, Tree)> {
     bred().into_iter().map(|text| (text.to_owned(), parse(text))).collect()
 }
 
-/// The filters that have names, and those that ship.
+/// The filters that have names, and those that ship and are single weights.
 pub(crate) fn named() -> Vec<(String, Tree)> {
     let known = codebook::known().iter();
     let known = known.map(|known| (known.name.to_owned(), known.weight.clone()));
@@ -180,9 +181,10 @@ pub(crate) fn named() -> Vec<(String, Tree)> {
     paths.sort();
     let read = |path: &std::path::PathBuf| {
         let filter = Filter::read(path).expect("a shipped filter");
-        (filter.name, filter.stages[0].weight.clone())
+        let weight = filter.paper()?.weight.clone();
+        Some((filter.name, weight))
     };
-    known.chain(paths.iter().map(read)).collect()
+    known.chain(paths.iter().filter_map(read)).collect()
 }
 
 /// The program itself, with the filter that it ships and in little memory.

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use tamis::backend::{ACCURACY, Backend, Exact, Jit, Rect};
-use tamis::plan::{Passes, Plan, Window};
+use tamis::filter::Window;
+use tamis::plan::{Passes, Plan};
 use tamis::scene::{Facts, LoadOptions, Needs, Scene};
 
 use crate::gpu::named;

@@ -10,7 +10,8 @@ use tamis::backend::{
 use tamis::expr::grammar::{Limits, Vocabulary};
 use tamis::expr::tape::{Axis, Input, Side};
 use tamis::expr::{Feature, Op, Quantity, Symbol, Tree, codebook};
-use tamis::plan::{PASSES, Passes, Plan, Precision, Source, Stage, Window};
+use tamis::filter::{Gather, Window};
+use tamis::plan::{PASSES, Passes, Plan, Precision};
 use tamis::scene::facts::{Fact, Facts};
 use tamis::scene::{LoadOptions, Needs, RawScene, Scene};
 
@@ -123,6 +124,7 @@ fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
                         Input::PerPixel(_, Side::J) => panic!("only mirrored tapes look there"),
                         Input::PerTap(k) => per_tap[k as usize],
                         Input::Offset(_) => panic!("offsets are read through the tap tape"),
+                        Input::Signal(..) => panic!("only programs have stages"),
                     });
                     let channel = |c: usize| match inside {
                         true => scene.color()[c].at(beside as usize, below as usize),
@@ -179,7 +181,7 @@ fn precisions(backend: &dyn Backend) -> &'static [Precision] {
 /// Holds a back end to the scalar meaning and to the oracle on one weight.
 fn check(backend: &dyn Backend, scene: &Scene, text: &str, window: Window) {
     let weight = parse(text);
-    let stage = Stage { weight: weight.clone(), window, source: Source::Color };
+    let stage = Gather::of_color(weight.clone(), window);
     let exact = oracle::filter(scene, &stage, Rect::whole(scene));
     for &precision in precisions(backend) {
         let passes = Passes { precision, ..Passes::ALL };
@@ -388,7 +390,7 @@ fn sums_far_from_one(backend: &dyn Backend) {
                 let window = Window::dense(radius);
                 let plan = plan(std::slice::from_ref(&tree), window, &scene, Passes::ALL);
                 let got = run(backend, &plan, &scene).swap_remove(0);
-                let stage = Stage { weight: tree.clone(), window, source: Source::Color };
+                let stage = Gather::of_color(tree.clone(), window);
                 let exact = oracle::filter(&scene, &stage, Rect::whole(&scene));
                 let chain = f64::from(2 * radius + 4) * f64::from(f32::EPSILON);
                 let bound = match backend.agreement() {
@@ -432,7 +434,7 @@ fn sums_that_overflow(backend: &dyn Backend) {
     let window = Window::dense(10);
     let plan = plan(std::slice::from_ref(&tree), window, &scene, Passes::ALL);
     let got = run(backend, &plan, &scene).swap_remove(0);
-    let stage = Stage { weight: tree, window, source: Source::Color };
+    let stage = Gather::of_color(tree, window);
     let exact = oracle::filter(&scene, &stage, Rect::whole(&scene));
     let mut kept = 0;
     for (k, (got, exact)) in got.pixels.iter().zip(&exact).enumerate() {

@@ -9,7 +9,8 @@ use std::process::Command;
 use tamis::backend::{Backend, Filtered, Interpreter, Rect};
 use tamis::export::Language;
 use tamis::expr::{Feature, PlaneId};
-use tamis::plan::{Filter, Passes, Plan, Precision, Window};
+use tamis::filter::{Filter, Window};
+use tamis::plan::{Passes, Plan, Precision};
 use tamis::scene::{Facts, Scene};
 
 use crate::every::hostile_names;
@@ -26,13 +27,13 @@ pub(crate) const CASES: &[(&str, fn())] = &[
 /// A filter of the fixture's kind, called by a letter and a number.
 fn numbered(k: usize, weight: &str, window: Window) -> Filter {
     let mut filter = Filter::single(format!("f{k}"), parse(weight), 0);
-    filter.stages[0].window = window;
+    filter.gathers_mut().next().expect("one gather").window = window;
     filter
 }
 
 /// The plan that an export is made of.
 fn plan(filter: &Filter, precision: Precision) -> Plan {
-    let stage = &filter.stages[0];
+    let stage = filter.paper().expect("one gather");
     // Exports filter every pixel.
     let passes = Passes { rate: false, converged: false, precision, ..Passes::ALL };
     let weights = std::slice::from_ref(&stage.weight);
@@ -201,7 +202,7 @@ fn agree_at(precision: Precision, filters: &[Filter], scenes: &[Scene]) -> usize
             let channel = |c: usize| pixels.iter().map(move |pixel| pixel[c]);
             let planar = channel(0).chain(channel(1)).chain(channel(2));
             let expected = bytes(planar.chain([kept as f32]));
-            let weight = &filter.stages[0].weight;
+            let weight = &filter.paper().expect("one gather").weight;
             assert!(written == expected, "{weight} on {width} x {height} pixels");
             all_kept += kept;
         }
@@ -219,7 +220,9 @@ fn named_and_shipped_filters() {
     let windows = [Window::dense(2), Window::dense(16), Window { radius: 3, dilation: 2 }];
     let filters: Vec<Filter> = known_and_shipped()
         .iter()
-        .flat_map(|filter| windows.map(|window| (filter.stages[0].weight.to_string(), window)))
+        .flat_map(|filter| {
+            windows.map(|window| (filter.paper().expect("one gather").weight.to_string(), window))
+        })
         .enumerate()
         .map(|(k, (weight, window))| numbered(k, &weight, window))
         .collect();

@@ -2,7 +2,7 @@
 
 use tamis::export::{ExportError, Language, Shading, export};
 use tamis::expr::{Feature, PlaneId, Quantity};
-use tamis::plan::Filter;
+use tamis::filter::Filter;
 use tamis::plan::Precision;
 
 use crate::fixture::parse;
@@ -99,7 +99,7 @@ fn several_stages_are_refused() {
         assert_eq!(error, ExportError::Stages { filter: "twice".to_owned(), stages: 2 });
     }
     filter.stages.truncate(1);
-    filter.stages[0].window.radius = 1000;
+    filter.gathers_mut().next().expect("one gather").window.radius = 1000;
     let refused = export(&filter, Language::C, Precision::Standard);
     assert!(matches!(refused, Err(ExportError::Plan { .. })));
 }

@@ -20,8 +20,8 @@ use std::process::ExitCode;
 use libtest_mimic::{Arguments, Trial};
 use tamis::export::{Language, export};
 use tamis::expr::codebook;
+use tamis::filter::{Filter, Window};
 use tamis::plan::Precision;
-use tamis::plan::{Filter, Window};
 
 use harness::trial;
 

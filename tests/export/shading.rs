@@ -7,7 +7,7 @@ use std::process::Command;
 
 use libtest_mimic::Trial;
 use tamis::export::{Language, Shading};
-use tamis::plan::Filter;
+use tamis::filter::Filter;
 use tamis::plan::Precision;
 
 use crate::every::hostile_names;
@@ -146,7 +146,9 @@ impl Checker {
 }
 
 fn in_every_precision(filters: Vec<Filter>) -> Files {
-    let name = |filter: &Filter| format!("{}: {}", filter.name, filter.stages[0].weight);
+    let name = |filter: &Filter| {
+        format!("{}: {}", filter.name, filter.paper().expect("one gather").weight)
+    };
     let both = |filter: Filter| Precision::ALL.map(|p| (name(&filter), filter.clone(), p));
     filters.into_iter().flat_map(both).collect()
 }

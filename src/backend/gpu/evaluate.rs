@@ -37,7 +37,7 @@ pub(super) fn evaluate(
 ) -> Result<Vec<Vec<f32>>, GpuError> {
     let Statements { lines, results } = statements(tape, dialect, |input| match input {
         Input::PerPixel(k, _) => format!("inputs[{k}u * params.count + n]"),
-        Input::Plane(..) | Input::Offset(_) | Input::PerTap(_) => {
+        Input::Plane(..) | Input::Offset(_) | Input::PerTap(_) | Input::Signal(..) => {
             unreachable!("elementwise tapes read PerPixel values")
         }
     });

@@ -41,7 +41,7 @@ struct Pending<'a> {
 
 impl Executable for Compiled {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
-        holds(&self.plan, scene)?;
+        holds(self.plan.facts(), scene)?;
         inside(scene, region)?;
         let inputs = Inputs::of(scene, &self.shader, self.loads)?;
         let tiles = self.tiles(scene, region)?;

@@ -19,7 +19,7 @@ use crate::cli::apply::needs;
 use crate::cli::error::Error;
 use crate::export::{self, Language};
 use crate::expr::{Feature, PlaneId, Quantity};
-use crate::plan::Filter;
+use crate::filter::Filter;
 use crate::plan::Precision;
 use crate::scene::{Image, Samples};
 

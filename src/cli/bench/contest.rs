@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::exact::Exact;
 use crate::cli::error::Error;
-use crate::plan::Stage;
+use crate::filter::Gather;
 use crate::report::{Entry, Ground, Outcome};
 use crate::scene::{Facts, Image, Metrics, Scene};
 
@@ -52,7 +52,7 @@ pub(super) struct Entrant {
     pub(super) engine: String,
     pub(super) radius: Option<u32>,
     /// What its results should be but for rounding, if they have a formula.
-    pub(super) meaning: Option<Stage>,
+    pub(super) meaning: Option<Gather>,
     /// The contestant, or why it cannot take part.
     pub(super) contestant: Result<Box<dyn Contestant>, Error>,
 }
@@ -108,7 +108,7 @@ impl Contest {
                 }
             });
         }
-        let mut meanings: Vec<(&Stage, Exact)> = Vec::new();
+        let mut meanings: Vec<(&Gather, Exact)> = Vec::new();
         for (k, mut runner, laps) in running {
             let meaning = self.entrants[k].meaning.as_ref();
             if let Some(stage) = meaning.filter(|s| meanings.iter().all(|(other, _)| other != s)) {

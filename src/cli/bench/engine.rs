@@ -7,10 +7,10 @@ use clap::ValueEnum;
 
 use super::contest::{Contestant, Course, Lap, Runner};
 use crate::backend::{Backend, Exact, Executable, Filtered, Rect};
-use crate::cli::apply::{needs, stage};
 use crate::cli::backend::{Lanes, Processor};
 use crate::cli::error::Error;
-use crate::plan::{Filter, Passes, Plan, Precision};
+use crate::filter::Filter;
+use crate::plan::{Passes, Precision, Schedule};
 use crate::scene::Image;
 
 /// Which back ends take part.
@@ -121,13 +121,12 @@ struct Compiled<'a> {
 
 impl Contestant for OnEngine {
     fn enter<'a>(&'a self, course: &'a Course) -> Result<Box<dyn Runner + 'a>, Error> {
-        let stage = stage(&self.filter)?;
-        course.scene.require(&needs(&self.filter))?;
+        let checked = self.filter.check().expect("only filters that make sense get here");
+        course.scene.require(&checked.required())?;
         let name = || (course.scene.name().to_owned(), self.filter.name.clone());
         let start = Instant::now();
-        let weights = std::slice::from_ref(&stage.weight);
         let passes = Passes { precision: self.engine.precision, ..Passes::ALL };
-        let plan = Plan::new(weights, stage.window, &course.facts, passes).map_err(|source| {
+        let plan = Schedule::new(&checked, &course.facts, passes).map_err(|source| {
             let (scene, filter) = name();
             Error::Plan { scene, filter, source }
         })?;
@@ -135,7 +134,7 @@ impl Contestant for OnEngine {
             let (scene, filter) = name();
             Error::Run { scene, filter, source }
         };
-        let code = self.engine.backend.compile(&plan).map_err(failed)?;
+        let code = self.engine.backend.schedule(&plan).map_err(failed)?;
         if self.engine.lazy {
             let Rect { width, height, .. } = Rect::whole(&course.scene);
             let corner = Rect { x: 0, y: 0, width: width.min(8), height: height.min(8) };

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::backend::{Rect, oracle};
-use crate::plan::Stage;
+use crate::filter::Gather;
 use crate::scene::{Image, Scene};
 
 /// Rows that are computed exactly: that takes a hundred times as long as filtering
@@ -15,7 +15,7 @@ pub(super) struct Exact(Vec<(usize, Vec<oracle::Exact>)>);
 
 impl Exact {
     /// Rows from all over the image.
-    pub(super) fn of(scene: &Scene, stage: &Stage) -> Self {
+    pub(super) fn of(scene: &Scene, stage: &Gather) -> Self {
         let (width, height) = (scene.layout().width(), scene.layout().height());
         let count = ROWS.min(height);
         let rows = (0..count).into_par_iter().map(|k| {

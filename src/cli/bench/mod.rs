@@ -25,9 +25,11 @@ use super::apply::{needs, reach};
 use super::backend::{Lanes, Tier, tiers};
 use super::error::Error;
 use super::log::Log;
+use super::resolve::resized;
+use super::scenes;
 use super::score::filters;
-use super::{apply, scenes};
-use crate::plan::{Filter, Precision, Window};
+use crate::filter::{Filter, Window};
+use crate::plan::Precision;
 use crate::report::{Format, Tradeoff};
 use crate::scene::{Facts, Image, LoadOptions, Needs, Scene, write_atomically};
 use compiled::Compiled;
@@ -168,15 +170,16 @@ impl Bench {
 
     /// Every filter with every radius, each pair once.
     fn filters(&self) -> Result<Vec<Filter>, Error> {
-        let own = filters(&self.filters, None)?;
         let radii = if self.radii.is_empty() { &RADII[..] } else { &self.radii };
-        let resized: Result<Vec<Vec<Filter>>, Error> =
-            radii.iter().map(|&radius| filters(&self.filters, Some(radius))).collect();
-        let resized = resized?;
         let mut all = Vec::new();
-        for (k, own) in own.into_iter().enumerate() {
-            let mut sizes: Vec<Filter> = resized.iter().map(|filters| filters[k].clone()).collect();
-            if self.radii.is_empty() {
+        for own in filters(&self.filters, None)? {
+            // The windows of a program have radii of their own.
+            let sizes: Result<Vec<Filter>, Error> = match own.paper() {
+                None => Ok(Vec::new()),
+                Some(_) => radii.iter().map(|&r| resized(own.clone(), Some(r))).collect(),
+            };
+            let mut sizes = sizes?;
+            if self.radii.is_empty() || sizes.is_empty() {
                 sizes.push(own);
             }
             sizes.sort_by_key(reach);
@@ -217,8 +220,8 @@ impl Bench {
         let mut entrants = Vec::new();
         for filter in filters {
             let mut enter = |engine: String, contestant| {
-                let meaning = apply::stage(filter).ok().cloned();
-                let radius = meaning.as_ref().map(|stage| stage.window.radius);
+                let meaning = filter.paper().cloned();
+                let radius = meaning.as_ref().map(|gather| gather.window.radius);
                 let filter = filter.name.clone();
                 entrants.push(Entrant { filter, engine, radius, meaning, contestant });
             };

@@ -9,12 +9,14 @@ use crate::backend::Backend;
 use crate::cli::apply::{Applied, apply, needs, reach};
 use crate::cli::error::Error;
 use crate::cli::resolve::resized;
-use crate::plan::shipped::{self, Choice};
-use crate::plan::{Filter, Passes};
+use crate::expr::Feature;
+use crate::filter::Filter;
+use crate::filter::shipped::{self, Choice};
+use crate::plan::Passes;
 use crate::report::number;
 use crate::scene::exr::Header;
 use crate::scene::mapping::Mapping;
-use crate::scene::{LoadOptions, Note, Scene};
+use crate::scene::{ColorScale, LoadOptions, Note, Scene};
 
 /// What is done to every frame.
 pub(super) struct Job<'a> {
@@ -71,16 +73,26 @@ impl Job<'_> {
             return Ok(Chosen { filter: filter.clone(), why: None });
         }
         let mapping = Mapping::of(&Header::read(&frame.input)?);
-        let Choice { filter, best, lacking } = shipped::choose(|plane| mapping.provides(plane));
+        // The windows of a program have radii of their own, and its colours are linear.
+        let programs = self.backend.runs_programs()
+            && self.radius.is_none()
+            && self.options.color_scale == ColorScale::Linear;
+        let Choice { filter, best, lacking } =
+            shipped::choose(programs, |plane| mapping.provides(plane));
         let filter = resized(filter, self.radius)?;
-        let titles: Vec<&str> = lacking.iter().map(|feature| feature.row().title).collect();
-        let why = (!titles.is_empty()).then(|| {
-            format!(
-                "no {} in the file: using `{}` instead of `{best}`",
-                titles.join(", no "),
-                filter.name
-            )
-        });
+        let without = filter.does_without(|plane| mapping.provides(plane));
+        let titles = |features: &[Feature]| {
+            let titles: Vec<&str> = features.iter().map(|feature| feature.row().title).collect();
+            titles.join(", no ")
+        };
+        let (name, lacking, without) = (&filter.name, titles(&lacking), titles(&without));
+        let why = match (lacking.is_empty(), without.is_empty()) {
+            (true, true) => None,
+            (true, false) => Some(format!("no {without} in the file: `{name}` does without")),
+            (false, _) => {
+                Some(format!("no {lacking} in the file: using `{name}` instead of `{best}`"))
+            }
+        };
         Ok(Chosen { filter, why })
     }
 
@@ -96,8 +108,7 @@ impl Job<'_> {
         let write = start.elapsed();
         let Applied { planning, compilation, filtering, .. } = filtered.applied;
         let (width, height) = filtered.applied.image.size();
-        let taps: usize =
-            filtered.chosen.filter.stages.iter().map(|stage| stage.window.taps()).sum();
+        let taps: usize = filtered.chosen.filter.gathers().map(|gather| gather.window.taps()).sum();
         let timings = Timings {
             load: filtered.loading,
             plan: planning,

@@ -13,7 +13,6 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::apply::stage;
 use super::backend::Opened;
 use super::error::Error;
 use super::log::Log;
@@ -80,7 +79,6 @@ impl Denoise {
         let files = Files::of(&self.inputs, &self.output, self.format)?;
         let radius = self.running.radius;
         let filter = self.filter.as_ref().map(|text| resolve(text, radius)).transpose()?;
-        filter.as_ref().map(stage).transpose()?;
         let Opened { backend, frames } = self.running.backend.open(log)?;
         let job = Job {
             filter: filter.as_ref(),

@@ -24,7 +24,8 @@ use crate::evolve::{
     Restriction, Search, Settings, TrainingScene, history,
 };
 use crate::expr::{Feature, PlaneId, Tree, codebook};
-use crate::plan::{Filter, Passes, Precision, Source, Stage, Window};
+use crate::filter::{Filter, Gather, Window};
+use crate::plan::{Passes, Precision};
 use crate::report::{Format, ScoreTable, Total, number};
 use crate::scene::{
     Fact, Facts, Image, LoadOptions, Needs, RawScene, Scene, SceneFiles, write_atomically,
@@ -296,7 +297,7 @@ fn stable_only<'a>(
     let grounds = files.iter().map(read).collect::<Result<Vec<Ground>, Error>>()?;
     let screen = Screen::new(&grounds, window, backend, SEED)?;
     let objection = move |tree: &Tree| {
-        let stage = Stage { weight: tree.clone(), window, source: Source::Color };
+        let stage = Gather::of_color(tree.clone(), window);
         let engine = Engine {
             name: backend.name().to_owned(),
             backend: Ok(backend),

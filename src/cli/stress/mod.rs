@@ -12,7 +12,7 @@ use super::error::Error;
 use super::log::Log;
 use super::resolve::resolve;
 use super::{Report, apply, scenes};
-use crate::plan::{Filter, Stage, Window};
+use crate::filter::{Filter, Gather, Window};
 use crate::report::score::json;
 use crate::scene::{LoadOptions, RawScene, write_atomically};
 use crate::stress::{Engine, Ground, SEED, StressError, Verdict, certify, needs};
@@ -77,7 +77,7 @@ pub(super) struct Stress {
 impl Stress {
     pub(super) fn run(&self, log: Log) -> Result<Report, Error> {
         let filter = resolve(&self.filter, self.radius)?;
-        let stage = apply::stage(&filter)?;
+        let stage = apply::gather(&filter)?;
         let grounds = grounds(&self.scenes, stage)?;
         let opened = engines::open(self.lanes.lanes, self.gpu.as_deref())?;
         for Opened { name, backend, .. } in &opened {
@@ -105,7 +105,7 @@ impl Stress {
 }
 
 /// The scenes that arguments stand for, with what a filter reads of them.
-fn grounds(arguments: &[PathBuf], stage: &Stage) -> Result<Vec<Ground>, Error> {
+fn grounds(arguments: &[PathBuf], stage: &Gather) -> Result<Vec<Ground>, Error> {
     let mut noisy: Vec<PathBuf> = Vec::new();
     for argument in arguments {
         let found = match argument.is_file() {
@@ -124,7 +124,7 @@ fn grounds(arguments: &[PathBuf], stage: &Stage) -> Result<Vec<Ground>, Error> {
     noisy.iter().map(|path| ground(path, stage)).collect()
 }
 
-fn ground(noisy: &Path, stage: &Stage) -> Result<Ground, Error> {
+fn ground(noisy: &Path, stage: &Gather) -> Result<Ground, Error> {
     Ok(Ground::real(RawScene::read(noisy, &needs(stage), &LoadOptions::default())?))
 }
 

@@ -14,7 +14,8 @@ use super::sample::Sample;
 use crate::backend::{Backend, BackendError};
 use crate::expr::Tree;
 use crate::expr::tape::{Instr, Tape, Value};
-use crate::plan::{Passes, Plan, PlanError, Precision, Window};
+use crate::filter::Window;
+use crate::plan::{Passes, Plan, PlanError, Precision};
 use crate::scene::{Facts, Scene};
 
 /// How expressions become programs.

@@ -8,7 +8,8 @@
 use super::{ImageFitness, JudgeError};
 use crate::backend::{ACCURACY, Rect, oracle};
 use crate::expr::Tree;
-use crate::plan::{Plan, Source, Stage, Window};
+use crate::filter::{Gather, Window};
+use crate::plan::Plan;
 
 /// Half of what back ends promise: of all scenes, training scenes hold few pixels.
 /// Bred expressions have 1e-6 where nothing is amiss.
@@ -27,7 +28,7 @@ impl ImageFitness<'_> {
         let plan = Plan::new(trees, window, &batching.facts, batching.passes)?;
         let failed = |source| self.failed(source);
         let code = batching.backend.compile(&plan).map_err(failed)?;
-        let stage = Stage { weight: tree.clone(), window, source: Source::Color };
+        let stage = Gather::of_color(tree.clone(), window);
         let mut greatest = 0.0f64;
         for training in &self.scenes {
             let scene = &training.scene;

@@ -97,7 +97,8 @@ pub(super) fn groups(plans: &[&Plan], most: usize) -> Vec<Vec<usize>> {
 mod tests {
     use super::*;
     use crate::expr::Tree;
-    use crate::plan::{Passes, Window};
+    use crate::filter::Window;
+    use crate::plan::Passes;
     use crate::scene::Facts;
 
     fn plans(texts: &[&str]) -> Vec<Plan> {

@@ -332,7 +332,7 @@ fn weights(plan: &Plan, salt: u32) -> Vec<f32> {
     plan.pair().eval(|input| match input {
         Input::PerTap(k) => tap[k as usize],
         Input::PerPixel(k, _) => pixel[k as usize],
-        Input::Plane(..) | Input::Offset(_) => sample(input),
+        Input::Plane(..) | Input::Offset(_) | Input::Signal(..) => sample(input),
     })
 }
 

@@ -88,6 +88,7 @@ impl Source<'_> {
                 None => unreachable!("what is known per tap are the bare offsets"),
             },
             Input::PerPixel(..) => unreachable!("the plan was made without rates"),
+            Input::Signal(..) => unreachable!("only programs have stages"),
         }
     }
 }
@@ -104,7 +105,7 @@ pub(super) fn axis_of(subject: &Subject<'_>, input: Input) -> Option<Axis> {
                 Instr::Const(_) | Instr::Prim(..) => None,
             }
         }
-        Input::Plane(..) | Input::PerPixel(..) => None,
+        Input::Plane(..) | Input::PerPixel(..) | Input::Signal(..) => None,
     }
 }
 

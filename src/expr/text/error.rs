@@ -4,9 +4,10 @@ use std::fmt;
 
 use crate::expr::feature::{Feature, Quantity};
 use crate::expr::op::{Op, Sort, Syntax};
-use crate::expr::tree::Symbol;
+use crate::expr::tree::{Symbol, Variadic};
 
-use super::{MINUS, PI};
+use super::scope::{Reads, Scope};
+use super::{MINUS, PI, VARIANCE};
 
 /// A text that is no expression: the place, and the [`Problem`] there.
 ///
@@ -45,8 +46,25 @@ pub enum Problem {
         /// Whether it is written like a function.
         call: bool,
         /// The spelling that it is closest to, if any is close.
-        nearest: Option<&'static str>,
+        nearest: Option<String>,
     },
+    /// The name of a stage that comes later.
+    #[error("stage `{0}` is not computed yet: a stage reads only those before it")]
+    Later(String),
+    /// The variance of a stage that has none.
+    #[error("stage `{0}` has no variance: it is no gather, or names none to take along")]
+    NoVariance(String),
+    /// Operands whose widths do not fit.
+    #[error("{what} does not take {}", widths(.operands))]
+    Widths {
+        /// The operator, function or layer, with what it takes.
+        what: String,
+        /// Components of its operands.
+        operands: Vec<usize>,
+    },
+    /// A place that the formula cannot look at.
+    #[error("{0}")]
+    Place(&'static str),
     /// A vector where a number is needed, or the reverse.
     #[error("{} needs {}, but `{found}` is {}", needs(*.by), named(*.wanted), named(other(*.wanted)))]
     Sort {
@@ -161,16 +179,35 @@ impl Problem {
             | Self::Character(_)
             | Self::Range(_)
             | Self::Arity { .. }
+            | Self::Later(_)
+            | Self::NoVariance(_)
+            | Self::Widths { .. }
+            | Self::Place(_)
             | Self::Unclosed { .. } => None,
         }
     }
 
-    /// The problem with a name that is in no row.
-    pub(super) fn unknown(name: &str, call: bool) -> Self {
+    /// The problem with a name that is in no row, and none of the scope's.
+    pub(super) fn unknown(name: &str, call: bool, scope: &Scope<'_>) -> Self {
+        if scope.later.iter().any(|later| later == name) {
+            return Self::Later(shortened(name));
+        }
+        if let Some(stage) = name.strip_suffix(VARIANCE) {
+            return Self::NoVariance(shortened(stage));
+        }
+        let further: &[Variadic] = match scope.reads {
+            Reads::Paper => &[],
+            Reads::Pair | Reads::Pixel => &Variadic::ALL,
+        };
+        let functions = functions().chain(further.iter().map(|function| function.name()));
         let nearest = if call {
-            nearest(name, functions())
+            nearest(name, functions)
         } else {
-            nearest(name, terms(|_| true).chain([PI]).chain(functions()))
+            let mut known: Vec<&str> = scope.names().collect();
+            for name in terms(|_| true).chain([PI]).chain(functions) {
+                known.push(name);
+            }
+            nearest(name, known.into_iter())
         };
         Self::Unknown { name: shortened(name), call, nearest }
     }
@@ -180,9 +217,17 @@ impl Problem {
         let found = match symbol {
             Symbol::Op(op) if op.row().syntax == Syntax::Call => format!("{text}(…)"),
             Symbol::Op(_) => format!("{text}…"),
-            Symbol::Const(_) | Symbol::Variance(_) | Symbol::Vector(_) | Symbol::Gradient(_) => {
-                shortened(text)
-            }
+            Symbol::Const(_)
+            | Symbol::Variance(_)
+            | Symbol::Vector(_)
+            | Symbol::Gradient(_)
+            | Symbol::Stage(_)
+            | Symbol::Param(_)
+            | Symbol::Offset
+            | Symbol::At(_)
+            | Symbol::Part(_)
+            | Symbol::Many(..)
+            | Symbol::Linear(_) => shortened(text),
         };
         let instead = symbol.reads().and_then(|(feature, _)| {
             feature.spelling(match wanted {
@@ -231,20 +276,28 @@ fn other(sort: Sort) -> Sort {
     }
 }
 
+fn widths(operands: &[usize]) -> String {
+    let width = |&width: &usize| match width {
+        1 => "a number".to_owned(),
+        width => format!("{width} components"),
+    };
+    operands.iter().map(width).collect::<Vec<_>>().join(" and ")
+}
+
 fn operands(count: usize) -> String {
     format!("{count} operand{}", if count == 1 { "" } else { "s" })
 }
 
 /// The candidate with the fewest edits, if those are few for a name this long.
 /// Case does not count as an edit.
-fn nearest(name: &str, candidates: impl Iterator<Item = &'static str>) -> Option<&'static str> {
+fn nearest<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
     let tolerated = (name.len() / 3).clamp(1, 4);
     candidates
         .filter(|candidate| candidate.len().abs_diff(name.len()) <= tolerated)
         .map(|candidate| (edits(name, candidate), candidate))
         .filter(|&(edits, candidate)| edits <= tolerated && edits < candidate.len())
         .min_by_key(|&(edits, _)| edits)
-        .map(|(_, candidate)| candidate)
+        .map(|(_, candidate)| candidate.to_owned())
 }
 
 /// Insertions, deletions, substitutions and exchanges of neighbours that turn

@@ -10,10 +10,17 @@ use std::f32::consts;
 use crate::expr::op::{Op, Sort, Syntax};
 use crate::expr::tree::{Symbol, Tree};
 
-use super::print::{operands, spelling, starts};
+use super::print::{operands, starts};
+use super::scope::Scope;
+
+/// What callers see to.
+const PAPER_ALONE: &str = "expressions of the paper's grammar alone are typeset";
 
 /// The expression in LaTeX's mathematical mode. A vector carries the pixel that
 /// it is read at as its index, as in the paper.
+///
+/// # Panics
+/// If the expression is not one of the paper's grammar: see [`Tree::is_paper`].
 pub fn latex(tree: &Tree) -> String {
     typeset(tree, &starts(tree), tree.root(), Around::Enclosed)
 }
@@ -60,8 +67,16 @@ fn typeset(tree: &Tree, starts: &[usize], root: usize, around: Around) -> String
         match symbol {
             Symbol::Const(literal) => text.push_str(&number(literal.value())),
             Symbol::Variance(_) | Symbol::Vector(_) | Symbol::Gradient(_) => {
-                text.push_str(&format!(r"\mathrm{{{}}}{index}", spelling(symbol)));
+                let name = Scope::PAPER.spelling(symbol);
+                text.push_str(&format!(r"\mathrm{{{name}}}{index}"));
             }
+            Symbol::Stage(_)
+            | Symbol::Param(_)
+            | Symbol::Offset
+            | Symbol::At(_)
+            | Symbol::Part(_)
+            | Symbol::Many(..)
+            | Symbol::Linear(_) => unreachable!("{PAPER_ALONE}"),
             Symbol::Op(op) => {
                 let roots = operands(op, position, starts);
                 pieces.extend(pattern(op).into_iter().rev().map(|piece| match piece {
@@ -140,6 +155,13 @@ fn needs_parentheses(symbol: Symbol, around: Around) -> bool {
         // Vectors stand alone in whatever encloses them.
         Symbol::Vector(_) | Symbol::Gradient(_) => return false,
         Symbol::Variance(_) => return around == Around::Name,
+        Symbol::Stage(_)
+        | Symbol::Param(_)
+        | Symbol::Offset
+        | Symbol::At(_)
+        | Symbol::Part(_)
+        | Symbol::Many(..)
+        | Symbol::Linear(_) => unreachable!("{PAPER_ALONE}"),
         Symbol::Const(literal) => {
             let signed = literal.value().is_sign_negative();
             let scaled = number(literal.value()).contains('^');

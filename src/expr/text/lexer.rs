@@ -4,8 +4,8 @@ use std::f32::consts;
 
 use crate::expr::op::{Op, Syntax};
 
-use super::PI;
 use super::error::{Problem, TextError, shortened};
+use super::{PI, VARIANCE};
 
 /// A piece of text with its meaning.
 #[derive(Clone, Copy)]
@@ -26,6 +26,9 @@ pub(super) enum Kind {
     Open,
     Close,
     Comma,
+    /// `[`, after what is looked at elsewhere.
+    OpenBracket,
+    CloseBracket,
     End,
 }
 
@@ -34,7 +37,14 @@ impl Token<'_> {
     pub(super) fn describe(self) -> String {
         match self.kind {
             Kind::End => "the end of the text".to_owned(),
-            Kind::Number(_) | Kind::Name | Kind::Sign | Kind::Open | Kind::Close | Kind::Comma => {
+            Kind::Number(_)
+            | Kind::Name
+            | Kind::Sign
+            | Kind::Open
+            | Kind::Close
+            | Kind::Comma
+            | Kind::OpenBracket
+            | Kind::CloseBracket => {
                 format!("`{}`", shortened(self.text))
             }
         }
@@ -68,6 +78,8 @@ impl<'t> Lexer<'t> {
             Some(b'(') => (Kind::Open, 1),
             Some(b')') => (Kind::Close, 1),
             Some(b',') => (Kind::Comma, 1),
+            Some(b'[') => (Kind::OpenBracket, 1),
+            Some(b']') => (Kind::CloseBracket, 1),
             Some(b'0'..=b'9' | b'.') if number_length(rest) > 0 => {
                 let length = number_length(rest);
                 (Kind::Number(self.number(&rest[..length])?), length)
@@ -75,6 +87,9 @@ impl<'t> Lexer<'t> {
             Some(b'a'..=b'z' | b'A'..=b'Z' | b'_') => {
                 let is_inside = |c: char| c.is_ascii_alphanumeric() || c == '_';
                 let length = rest.find(|c| !is_inside(c)).unwrap_or(rest.len());
+                let variance = rest[length..].starts_with(VARIANCE)
+                    && !rest[length + VARIANCE.len()..].starts_with(is_inside);
+                let length = if variance { length + VARIANCE.len() } else { length };
                 let kind =
                     if &rest[..length] == PI { Kind::Number(consts::PI) } else { Kind::Name };
                 (kind, length)

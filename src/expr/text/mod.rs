@@ -11,6 +11,18 @@
 //! number      = [ "-" ] ( decimal [ exponent ] | "pi" )
 //! ```
 //!
+//! A program's formulas ([`parse_formula`]) have more: names of earlier stages and of
+//! constants, functions of any number of operands, operators on vectors component by
+//! component, and places.
+//!
+//! ```text
+//! operand     = … | stage [ ".variance" ] | constant | "offset" | layer "(" expression ")"
+//!             | operand "[" place "]"
+//! place       = "i" | "j"                          an end of the pair, in weights
+//!             | integer "," integer                columns to the right, rows below, in maps
+//!             | integer                            no place: a component, from 0
+//! ```
+//!
 //! Spaces and line breaks are free, and `#` starts a comment that ends with the
 //! line. A minus sign that stands before a number belongs to the number: `-2`
 //! is the constant, `-(2)` the negation of 2, and `--2` the negation of -2.
@@ -32,6 +44,7 @@ mod latex;
 mod lexer;
 mod parse;
 mod print;
+mod scope;
 
 use std::fmt;
 use std::str::FromStr;
@@ -41,6 +54,7 @@ use super::tree::Tree;
 
 pub use error::{Problem, TextError};
 pub use latex::{latex, latex_factors};
+pub use scope::{Declared, Reads, Scope, is_free};
 
 /// The sign of negative numbers, which is also the spelling of negation.
 const MINUS: &str = "-";
@@ -48,22 +62,44 @@ const MINUS: &str = "-";
 /// The one constant that has a name.
 const PI: &str = "pi";
 
+/// How far pixel j is from pixel i, in weights of programs.
+const OFFSET: &str = "offset";
+
+/// What follows a stage's name where the variance of its mean is meant.
+const VARIANCE: &str = ".variance";
+
 /// Parses an expression that must be a number, such as a filter's weight.
 pub fn parse_scalar(text: &str) -> Result<Tree, TextError> {
-    parse::parse(text, Some(Sort::Scalar))
+    parse::parse(text, Some(Sort::Scalar), &Scope::PAPER)
+}
+
+/// Parses a formula of a program.
+pub fn parse_formula(text: &str, scope: &Scope<'_>) -> Result<Tree, TextError> {
+    parse::parse(text, None, scope)
+}
+
+/// Prints a formula of a program, so that [`parse_formula`] reads it back.
+pub fn print_formula(tree: &Tree, scope: &Scope<'_>) -> String {
+    struct Shown<'a>(&'a Tree, &'a Scope<'a>);
+    impl fmt::Display for Shown<'_> {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            print::print(self.0, self.1, f)
+        }
+    }
+    Shown(tree, scope).to_string()
 }
 
 impl FromStr for Tree {
     type Err = TextError;
 
     fn from_str(text: &str) -> Result<Self, TextError> {
-        parse::parse(text, None)
+        parse::parse(text, None, &Scope::PAPER)
     }
 }
 
 impl fmt::Display for Tree {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        print::print(self, f)
+        print::print(self, &Scope::PAPER, f)
     }
 }
 

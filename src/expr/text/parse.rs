@@ -5,25 +5,31 @@
 //! an operator that waits for its right operand) stands on a stack. The parser
 //! alternates between two places: where an operand must come, and after one.
 
-use crate::expr::feature::Feature;
 use crate::expr::op::{Op, Sort, Syntax};
-use crate::expr::tree::{Symbol, Tree};
+use crate::expr::tape::Side;
+use crate::expr::tree::{LayerRef, Place, Symbol, Tree, Variadic};
 
 use super::MINUS;
 use super::error::{Problem, TextError};
 use super::lexer::{Kind, Lexer, Token};
+use super::scope::{Reads, Scope};
 
-/// Parses an expression, of a certain sort if one is wanted.
-pub(super) fn parse(text: &str, wanted: Option<Sort>) -> Result<Tree, TextError> {
+/// Parses an expression, of a certain sort if one is wanted. The paper's expressions are
+/// held to their grammar's sorts, the formulas of programs to widths.
+pub(super) fn parse(
+    text: &str,
+    wanted: Option<Sort>,
+    scope: &Scope<'_>,
+) -> Result<Tree, TextError> {
     let mut lexer = Lexer::new(text);
     let token = lexer.next()?;
-    let (output, open) = (Vec::new(), Vec::new());
-    let mut parser = Parser { lexer, token, output, open, wanted, leaf: token };
+    let (output, widths, open) = (Vec::new(), Vec::new(), Vec::new());
+    let mut parser = Parser { lexer, token, output, widths, open, wanted, leaf: token, scope };
     parser.operand()?;
     while parser.continues()? {
         parser.operand()?;
     }
-    Ok(Tree::new(parser.output).expect("the parser checked every operand's sort and count"))
+    Ok(Tree::new(parser.output).expect("the parser checked every operand's width and count"))
 }
 
 fn prefix(sign: &str) -> Option<Op> {
@@ -43,9 +49,47 @@ enum Open<'t> {
     /// `(`, with the sort that must come of it and the operator that needs it.
     Parenthesis(Token<'t>, Option<Sort>, Option<Op>),
     /// A call, with its parenthesis and the number of operands that are complete.
-    Call(Op, Token<'t>, usize),
+    Call(Function, Token<'t>, usize),
     /// An operator that waits for its right operand, with its strength.
-    Operator(Op, u8),
+    Operator(Op, u8, Token<'t>),
+}
+
+/// What can be called.
+#[derive(Clone, Copy)]
+enum Function {
+    Op(Op),
+    Many(Variadic),
+    Layer(LayerRef),
+}
+
+impl Function {
+    /// How many operands it takes; `None` for one or more.
+    fn arity(self) -> Option<usize> {
+        match self {
+            Self::Op(op) => Some(op.arity()),
+            Self::Many(_) => None,
+            Self::Layer(_) => Some(1),
+        }
+    }
+
+    /// Whether it takes more than so many operands.
+    fn takes_more(self, operands: usize) -> bool {
+        self.arity().is_none_or(|arity| operands < arity)
+    }
+
+    /// Whether it may end after so many operands.
+    fn may_end(self, operands: usize) -> bool {
+        self.arity().is_none_or(|arity| operands == arity)
+    }
+
+    /// The function of so many operands.
+    fn symbol(self, operands: usize) -> Symbol {
+        match self {
+            Self::Op(op) => Symbol::Op(op),
+            Self::Many(function) => Symbol::Many(function, operands as u8),
+            Self::Layer(layer) => Symbol::Linear(layer),
+        }
+    }
 }
 
 /// Stronger than every infix operator.
@@ -56,14 +100,40 @@ struct Parser<'t> {
     /// The next token, not yet used.
     token: Token<'t>,
     output: Vec<Symbol>,
+    /// The widths of the operands that are complete and wait.
+    widths: Vec<usize>,
     open: Vec<Open<'t>>,
     /// The sort of the whole, if it matters.
     wanted: Option<Sort>,
     /// Where the last leaf stands.
     leaf: Token<'t>,
+    scope: &'t Scope<'t>,
 }
 
 impl<'t> Parser<'t> {
+    fn is_paper(&self) -> bool {
+        self.scope.reads == Reads::Paper
+    }
+
+    /// Puts a symbol behind its operands, if it takes their widths.
+    fn emit(&mut self, symbol: Symbol, token: Token<'t>) -> Result<(), TextError> {
+        let first = self.widths.len() - symbol.arity();
+        let operands = self.widths.split_off(first);
+        let Some(width) = symbol.width(&operands) else {
+            let what = match symbol {
+                Symbol::Linear(layer) => {
+                    format!("layer `{}`, of {} inputs,", token.text, layer.columns)
+                }
+                Symbol::Part(k) => format!("`[{k}]`, the component {k} counted from 0,"),
+                _ => format!("`{}`", token.text),
+            };
+            return Err(self.error(token, Problem::Widths { what, operands }));
+        };
+        self.output.push(symbol);
+        self.widths.push(width);
+        Ok(())
+    }
+
     fn take(&mut self) -> Result<Token<'t>, TextError> {
         let next = self.lexer.next()?;
         Ok(std::mem::replace(&mut self.token, next))
@@ -80,11 +150,17 @@ impl<'t> Parser<'t> {
 
     /// The sort that is needed here, and by which operator.
     fn wanted(&self) -> (Option<Sort>, Option<Op>) {
+        if !self.is_paper() {
+            return (None, None);
+        }
         match self.open.last() {
             None => (self.wanted, None),
             Some(&Open::Parenthesis(_, wanted, by)) => (wanted, by),
-            Some(&Open::Call(op, _, complete)) => (Some(op.operands()[complete]), Some(op)),
-            Some(&Open::Operator(op, _)) => (op.operands().last().copied(), Some(op)),
+            Some(&Open::Call(Function::Op(op), _, complete)) => {
+                (Some(op.operands()[complete]), Some(op))
+            }
+            Some(Open::Call(Function::Many(_) | Function::Layer(_), ..)) => (None, None),
+            Some(&Open::Operator(op, ..)) => (op.operands().last().copied(), Some(op)),
         }
     }
 
@@ -108,23 +184,25 @@ impl<'t> Parser<'t> {
                     let (wanted, by) = self.wanted();
                     self.open.push(Open::Parenthesis(token, wanted, by));
                 }
-                Kind::Name => {
-                    if let Some(op) = Op::parse_call(token.text) {
-                        self.check(token, Symbol::Op(op))?;
+                Kind::Name => match self.function(token) {
+                    Some(function) => {
+                        self.check(token, function.symbol(0))?;
                         let parenthesis = self.take()?;
                         if parenthesis.kind != Kind::Open {
-                            let expected = format!("`(` and the operands of `{}`", op.name());
+                            let expected = format!("`(` and the operands of `{}`", token.text);
                             return Err(self.unexpected(parenthesis, expected));
                         }
-                        self.open.push(Open::Call(op, parenthesis, 0));
-                    } else if let Some((feature, quantity)) = Feature::parse(token.text) {
-                        let symbol = Symbol::of(feature, quantity).expect("the spelling exists");
-                        return self.leaf(token, symbol);
-                    } else {
-                        let call = self.token.kind == Kind::Open;
-                        return Err(self.error(token, Problem::unknown(token.text, call)));
+                        self.open.push(Open::Call(function, parenthesis, 0));
                     }
-                }
+                    None => match self.scope.symbol(token.text) {
+                        Some(symbol) => return self.leaf(token, symbol),
+                        None => {
+                            let call = self.token.kind == Kind::Open;
+                            let problem = Problem::unknown(token.text, call, self.scope);
+                            return Err(self.error(token, problem));
+                        }
+                    },
+                },
                 Kind::Sign => {
                     let Some(op) = prefix(token.text) else {
                         return Err(self.expected_operand(token));
@@ -134,13 +212,26 @@ impl<'t> Parser<'t> {
                         let number = self.take()?;
                         return self.leaf(number, Symbol::constant(-x));
                     }
-                    self.open.push(Open::Operator(op, PREFIX_STRENGTH));
+                    self.open.push(Open::Operator(op, PREFIX_STRENGTH, token));
                 }
-                Kind::Close | Kind::Comma | Kind::End => {
+                Kind::Close | Kind::Comma | Kind::OpenBracket | Kind::CloseBracket | Kind::End => {
                     return Err(self.expected_operand(token));
                 }
             }
         }
+    }
+
+    /// The function of a name.
+    fn function(&self, token: Token<'t>) -> Option<Function> {
+        if let Some(op) = Op::parse_call(token.text) {
+            return Some(Function::Op(op));
+        }
+        if self.is_paper() {
+            return None;
+        }
+        let many = Variadic::ALL.into_iter().find(|function| function.name() == token.text);
+        let layer = || Some(Function::Layer(self.scope.layer(token.text)?));
+        many.map(Function::Many).or_else(layer)
     }
 
     fn expected_operand(&self, token: Token<'t>) -> TextError {
@@ -157,8 +248,66 @@ impl<'t> Parser<'t> {
     fn leaf(&mut self, token: Token<'t>, symbol: Symbol) -> Result<(), TextError> {
         self.check(token, symbol)?;
         self.leaf = token;
-        self.output.push(symbol);
-        Ok(())
+        self.emit(symbol, token)
+    }
+
+    /// Reads `i]`, `j]`, `columns, rows]` or `component]`, and applies it to the operand
+    /// before it.
+    fn bracket(&mut self, opened: Token<'t>) -> Result<(), TextError> {
+        const PLACE: &str = "`i`, `j`, an offset such as `1, -2`, or the number of a component";
+        let token = self.take()?;
+        let symbol = match (token.kind, token.text) {
+            (Kind::Name, "i") => Symbol::At(Place::Side(Side::I)),
+            (Kind::Name, "j") if self.scope.reads == Reads::Pair => {
+                Symbol::At(Place::Side(Side::J))
+            }
+            (Kind::Name, "j") => {
+                let problem = "a map looks at pixel i alone: there is no pixel j";
+                return Err(self.error(token, Problem::Place(problem)));
+            }
+            (Kind::Number(_) | Kind::Sign, _) => {
+                let first = self.integer(token)?;
+                if self.token.kind == Kind::Comma {
+                    let comma = self.take()?;
+                    if self.scope.reads != Reads::Pixel {
+                        let problem = "a weight looks at the pixels i and j alone; let a map \
+                                       look beside them, and read the map";
+                        return Err(self.error(comma, Problem::Place(problem)));
+                    }
+                    let next = self.take()?;
+                    let second = self.integer(next)?;
+                    let offset = [first, second].map(i8::try_from);
+                    let [Ok(dx), Ok(dy)] = offset else {
+                        let problem = "offsets reach 127 pixels at most";
+                        return Err(self.error(token, Problem::Place(problem)));
+                    };
+                    Symbol::At(Place::Shift(dx, dy))
+                } else {
+                    let Ok(component) = u16::try_from(first) else {
+                        return Err(self.unexpected(token, PLACE));
+                    };
+                    Symbol::Part(component)
+                }
+            }
+            _ => return Err(self.unexpected(token, PLACE)),
+        };
+        let closing = self.take()?;
+        if closing.kind != Kind::CloseBracket {
+            return Err(self.unexpected(closing, "`]`"));
+        }
+        self.emit(symbol, opened)
+    }
+
+    /// A whole number, which may have a sign.
+    fn integer(&mut self, token: Token<'t>) -> Result<i32, TextError> {
+        let (negative, digits) = match (token.kind, token.text) {
+            (Kind::Sign, MINUS) => (true, self.take()?),
+            _ => (false, token),
+        };
+        match digits.text.parse::<i32>() {
+            Ok(number) => Ok(if negative { -number } else { number }),
+            Err(_) => Err(self.unexpected(digits, "a whole number")),
+        }
     }
 
     /// Reads what may follow an operand; whether another one must come.
@@ -170,14 +319,14 @@ impl<'t> Parser<'t> {
                     let Some((op, strength)) = infix(token.text) else {
                         return Err(self.expected_operator(token));
                     };
-                    self.complete(strength);
+                    self.complete(strength)?;
                     let (left, wanted) = (self.left(), op.operands()[0]);
-                    if left.sort() != wanted {
+                    if self.is_paper() && left.sort() != wanted {
                         // Only a leaf can be a vector: the one that was read last.
                         let problem = Problem::sort(Some(op), wanted, self.leaf.text, left);
                         return Err(self.error(self.leaf, problem));
                     }
-                    self.open.push(Open::Operator(op, strength));
+                    self.open.push(Open::Operator(op, strength, token));
                     return Ok(true);
                 }
                 Kind::Comma => {
@@ -185,11 +334,16 @@ impl<'t> Parser<'t> {
                     return Ok(true);
                 }
                 Kind::Close => self.close(token)?,
+                Kind::OpenBracket if !self.is_paper() => self.bracket(token)?,
                 Kind::End => {
                     self.end()?;
                     return Ok(false);
                 }
-                Kind::Number(_) | Kind::Name | Kind::Open => {
+                Kind::Number(_)
+                | Kind::Name
+                | Kind::Open
+                | Kind::OpenBracket
+                | Kind::CloseBracket => {
                     return Err(self.expected_operator(token));
                 }
             }
@@ -198,14 +352,18 @@ impl<'t> Parser<'t> {
 
     /// The operand of a call is complete, and another one follows.
     fn comma(&mut self, token: Token<'t>) -> Result<(), TextError> {
-        self.complete(0);
+        self.complete(0)?;
         match self.open.last_mut() {
-            Some(Open::Call(op, _, complete)) if *complete + 1 < op.arity() => {
+            Some(Open::Call(function, _, complete)) if function.takes_more(*complete + 1) => {
+                if *complete + 1 == usize::from(u8::MAX) {
+                    let problem = "a function takes at most 255 operands";
+                    return Err(self.error(token, Problem::Place(problem)));
+                }
                 *complete += 1;
                 Ok(())
             }
-            Some(&mut Open::Call(op, _, complete)) => {
-                Err(self.error(token, Problem::Arity { op, given: complete + 2 }))
+            Some(&mut Open::Call(function, _, complete)) => {
+                Err(self.arity(token, function, complete + 2))
             }
             Some(Open::Parenthesis(..) | Open::Operator(..)) | None => {
                 Err(self.expected_operator(token))
@@ -213,17 +371,28 @@ impl<'t> Parser<'t> {
         }
     }
 
+    fn arity(&self, token: Token<'t>, function: Function, given: usize) -> TextError {
+        match function {
+            Function::Op(op) => self.error(token, Problem::Arity { op, given }),
+            Function::Many(_) | Function::Layer(_) => self.unexpected(token, "`)`"),
+        }
+    }
+
     /// A parenthesis or a call is complete.
     fn close(&mut self, token: Token<'t>) -> Result<(), TextError> {
-        self.complete(0);
+        self.complete(0)?;
         match self.open.pop() {
             Some(Open::Parenthesis(..)) => Ok(()),
-            Some(Open::Call(op, _, complete)) if complete + 1 == op.arity() => {
-                self.output.push(Symbol::Op(op));
-                Ok(())
+            Some(Open::Call(function, opened, complete)) if function.may_end(complete + 1) => {
+                // The function's name stands right before its parenthesis.
+                let before = self.lexer.text[..opened.at].trim_end();
+                let inside = |c: char| c.is_ascii_alphanumeric() || c == '_';
+                let at = before.trim_end_matches(inside).len();
+                let name = Token { at, text: &before[at..], kind: Kind::Name };
+                self.emit(function.symbol(complete + 1), name)
             }
-            Some(Open::Call(op, _, complete)) => {
-                Err(self.error(token, Problem::Arity { op, given: complete + 1 }))
+            Some(Open::Call(function, _, complete)) => {
+                Err(self.arity(token, function, complete + 1))
             }
             Some(Open::Operator(..)) | None => Err(self.expected_operator(token)),
         }
@@ -231,10 +400,12 @@ impl<'t> Parser<'t> {
 
     /// The whole is complete, unless something is still open.
     fn end(&mut self) -> Result<(), TextError> {
-        self.complete(0);
+        self.complete(0)?;
         let (opened, expected) = match self.open.last() {
             None => return Ok(()),
-            Some(&Open::Call(op, opened, complete)) if complete + 1 < op.arity() => (opened, "`,`"),
+            Some(&Open::Call(function, opened, complete)) if !function.may_end(complete + 1) => {
+                (opened, "`,`")
+            }
             Some(&(Open::Call(_, opened, _) | Open::Parenthesis(opened, ..))) => (opened, "`)`"),
             Some(Open::Operator(..)) => unreachable!("complete(0) closes operators"),
         };
@@ -248,20 +419,21 @@ impl<'t> Parser<'t> {
 
     /// Gives waiting operators their right operand, as far as they bind at
     /// least as strongly as the one that follows.
-    fn complete(&mut self, strength: u8) {
-        while let Some(&Open::Operator(op, waiting)) = self.open.last()
+    fn complete(&mut self, strength: u8) -> Result<(), TextError> {
+        while let Some(&Open::Operator(op, waiting, token)) = self.open.last()
             && waiting >= strength
         {
             self.open.pop();
-            self.output.push(Symbol::Op(op));
+            self.emit(Symbol::Op(op), token)?;
         }
+        Ok(())
     }
 
     /// The token cannot follow an operand: says what can.
     fn expected_operator(&self, token: Token<'t>) -> TextError {
         let closing = self.open.iter().rev().find_map(|open| match *open {
             Open::Parenthesis(..) => Some("`)`"),
-            Open::Call(op, _, complete) if complete + 1 < op.arity() => Some("`,`"),
+            Open::Call(function, _, complete) if !function.may_end(complete + 1) => Some("`,`"),
             Open::Call(..) => Some("`)`"),
             Open::Operator(..) => None,
         });
@@ -272,6 +444,9 @@ impl<'t> Parser<'t> {
             .map(|op| format!("`{}`", op.name()))
             .collect();
         let expected = match self.left().sort() {
+            Sort::Scalar | Sort::Vector if !self.is_paper() => {
+                format!("{} `[` or {closing}", operators.join(" "))
+            }
             Sort::Scalar => format!("{} or {closing}", operators.join(" ")),
             // No infix operator takes vectors.
             Sort::Vector => closing.to_owned(),

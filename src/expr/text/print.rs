@@ -4,9 +4,11 @@ use std::f32::consts;
 use std::fmt;
 
 use crate::expr::op::{Op, Syntax};
-use crate::expr::tree::{Literal, Symbol, Tree};
+use crate::expr::tape::Side;
+use crate::expr::tree::{Literal, Place, Symbol, Tree};
 
 use super::PI;
+use super::scope::Scope;
 
 /// What stands around an operand, and may tear it apart.
 #[derive(Clone, Copy)]
@@ -17,17 +19,21 @@ enum Around {
     Sign,
     /// An infix operator that operands weaker than this cannot stand beside.
     Infix(u8),
+    /// A place or a component after it.
+    Index,
 }
 
 /// What is left to print.
 enum Piece {
     Text(&'static str),
+    /// A place or the number of a component.
+    Index(String),
     /// The subtree at a position.
     Subtree(usize, Around),
 }
 
-/// Prints a tree.
-pub(super) fn print(tree: &Tree, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+/// Prints a tree, with the names of a scope.
+pub(super) fn print(tree: &Tree, scope: &Scope<'_>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let starts = starts(tree);
     // Last in, first out: the pieces of a node are pushed from right to left.
     let mut pieces = vec![Piece::Subtree(tree.root(), Around::Nothing)];
@@ -35,6 +41,10 @@ pub(super) fn print(tree: &Tree, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (position, around) = match piece {
             Piece::Text(text) => {
                 f.write_str(text)?;
+                continue;
+            }
+            Piece::Index(text) => {
+                f.write_str(&text)?;
                 continue;
             }
             Piece::Subtree(position, around) => (position, around),
@@ -46,10 +56,36 @@ pub(super) fn print(tree: &Tree, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         }
         match symbol {
             Symbol::Const(literal) => number(literal, f)?,
-            Symbol::Variance(_) | Symbol::Vector(_) | Symbol::Gradient(_) => {
-                f.write_str(spelling(symbol))?;
-            }
+            Symbol::Variance(_)
+            | Symbol::Vector(_)
+            | Symbol::Gradient(_)
+            | Symbol::Stage(_)
+            | Symbol::Param(_)
+            | Symbol::Offset => f.write_str(&scope.spelling(symbol))?,
             Symbol::Op(op) => operator(op, position, &starts, &mut pieces),
+            Symbol::At(place) => {
+                let index = match place {
+                    Place::Side(Side::I) => "[i]".to_owned(),
+                    Place::Side(Side::J) => "[j]".to_owned(),
+                    Place::Shift(dx, dy) => format!("[{dx}, {dy}]"),
+                };
+                pieces.push(Piece::Index(index));
+                pieces.push(Piece::Subtree(position - 1, Around::Index));
+            }
+            Symbol::Part(k) => {
+                pieces.push(Piece::Index(format!("[{k}]")));
+                pieces.push(Piece::Subtree(position - 1, Around::Index));
+            }
+
+            Symbol::Many(function, count) => {
+                f.write_str(function.name())?;
+                let operands = operands_of(usize::from(count), position, &starts);
+                arguments(&operands, &mut pieces);
+            }
+            Symbol::Linear(_) => {
+                f.write_str(&scope.spelling(symbol))?;
+                arguments(&[position - 1], &mut pieces);
+            }
         }
     }
     Ok(())
@@ -70,13 +106,18 @@ fn operator(op: Op, position: usize, starts: &[usize], pieces: &mut Vec<Piece>) 
             pieces.push(Piece::Text(op.name()));
         }
         (Syntax::Call | Syntax::Prefix | Syntax::Infix(_), operands) => {
-            pieces.push(Piece::Text(")"));
-            for (k, &operand) in operands.iter().enumerate().rev() {
-                pieces.push(Piece::Subtree(operand, Around::Nothing));
-                pieces.push(Piece::Text(if k > 0 { ", " } else { "(" }));
-            }
+            arguments(operands, pieces);
             pieces.push(Piece::Text(op.name()));
         }
+    }
+}
+
+/// Pushes the pieces of operands in parentheses.
+fn arguments(operands: &[usize], pieces: &mut Vec<Piece>) {
+    pieces.push(Piece::Text(")"));
+    for (k, &operand) in operands.iter().enumerate().rev() {
+        pieces.push(Piece::Subtree(operand, Around::Nothing));
+        pieces.push(Piece::Text(if k > 0 { ", " } else { "(" }));
     }
 }
 
@@ -86,10 +127,27 @@ fn needs_parentheses(symbol: Symbol, around: Around) -> bool {
             Syntax::Infix(strength) => Some(strength),
             Syntax::Prefix | Syntax::Call => None,
         },
-        Symbol::Const(_) | Symbol::Variance(_) | Symbol::Vector(_) | Symbol::Gradient(_) => None,
+        Symbol::Const(_)
+        | Symbol::Variance(_)
+        | Symbol::Vector(_)
+        | Symbol::Gradient(_)
+        | Symbol::Stage(_)
+        | Symbol::Param(_)
+        | Symbol::Offset
+        | Symbol::At(_)
+        | Symbol::Part(_)
+        | Symbol::Many(..)
+        | Symbol::Linear(_) => None,
     };
     match (around, infix) {
         (Around::Nothing, _) => false,
+        (Around::Index, Some(_)) => true,
+        // A sign binds less than an index does, and a number has none.
+        (Around::Index, None) => match symbol {
+            Symbol::Op(op) => op.row().syntax == Syntax::Prefix,
+            Symbol::Const(_) => true,
+            _ => false,
+        },
         (Around::Infix(least), infix) => infix.is_some_and(|strength| strength < least),
         (Around::Sign, Some(_)) => true,
         // A sign before a number would become the number's own.
@@ -115,22 +173,19 @@ pub(super) fn starts(tree: &Tree) -> Vec<usize> {
 
 /// The positions of an operator's operands, in order.
 pub(super) fn operands(op: Op, position: usize, starts: &[usize]) -> Vec<usize> {
-    let mut roots = Vec::with_capacity(op.arity());
+    operands_of(op.arity(), position, starts)
+}
+
+/// The positions of so many operands before a position, in order.
+fn operands_of(count: usize, position: usize, starts: &[usize]) -> Vec<usize> {
+    let mut roots = Vec::with_capacity(count);
     let mut end = position;
-    for _ in 0..op.arity() {
+    for _ in 0..count {
         roots.push(end - 1);
         end = starts[end - 1];
     }
     roots.reverse();
     roots
-}
-
-/// The name of a symbol that reads a feature.
-pub(super) fn spelling(symbol: Symbol) -> &'static str {
-    symbol
-        .reads()
-        .and_then(|(feature, quantity)| feature.spelling(quantity))
-        .expect("Symbol::of makes only what has a spelling")
 }
 
 /// The shortest decimal that parses to the same bits; with an exponent outside

@@ -1,0 +1,207 @@
+//! Floor 2: filters as programs, which say *what* is computed and nothing of how.
+//!
+//! A [`Filter`] is a list of named stages of two kinds, and there is no third:
+//!
+//! * A **map** makes a value at pixel i from what stands at pixel i and at constant
+//!   offsets from it.
+//! * A **gather** is a weighted mean, Σ_j s_j w(i, j) / Σ_j w(i, j), of a signal s over
+//!   a window, and if asked the variance of that mean.
+//!
+//! A stage reads features and earlier stages; the last one is the filtered colour. The
+//! paper's filters are a single gather of the colour.
+//!
+//! Light is measured in units of the picture's exposure all the way through, as weights
+//! see it (`scene::normalize`); what the last stage gives is multiplied by the exposure.
+//!
+//! [`Filter::check`] gives a [`Checked`] filter, the proof that every stage reads only
+//! what exists and that widths fit. Whoever plans or evaluates a filter takes that.
+
+mod check;
+pub mod file;
+pub mod shipped;
+mod show;
+
+use std::collections::BTreeSet;
+
+use crate::expr::constants::Constants;
+use crate::expr::feature::{Feature, PlaneId};
+use crate::expr::tree::{Symbol, Tree};
+
+pub use check::{Checked, FilterError, Resolved};
+pub use file::FilterFileError;
+pub use show::show;
+
+/// The neighbourhood of a pixel: (2 radius + 1)² taps, `dilation` pixels apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Window {
+    /// Taps on each side of the centre, along each axis.
+    pub radius: u32,
+    /// Distance between neighbouring taps, in pixels; 1 for a dense window.
+    pub dilation: u32,
+}
+
+impl Window {
+    /// The paper gives no radius; 10 is where its filter's error levels off.
+    pub const DEFAULT_RADIUS: u32 = 10;
+
+    /// The largest radius that is accepted: a window of 257 x 257 taps.
+    pub const MAX_RADIUS: u32 = 128;
+
+    /// A dense window.
+    pub fn dense(radius: u32) -> Self {
+        Self { radius, dilation: 1 }
+    }
+
+    /// The greatest offset along an axis, in pixels.
+    pub fn reach(self) -> u32 {
+        self.radius * self.dilation
+    }
+
+    /// Taps along one axis.
+    pub fn diameter(self) -> usize {
+        2 * self.radius as usize + 1
+    }
+
+    /// Number of taps.
+    pub fn taps(self) -> usize {
+        self.diameter() * self.diameter()
+    }
+}
+
+/// A weighted mean over a window: ĉ_i = Σ_j c_j w(i, j) / Σ_j w(i, j).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gather {
+    /// The signal c, of any width; looked at at one pixel, as a map's formula is.
+    pub of: Tree,
+    /// w(i, j).
+    pub weight: Tree,
+    /// Where j ranges.
+    pub window: Window,
+    /// The variance v of the signal, one number per pixel; then the stage also gives the
+    /// variance of its mean, Σ_j v_j w(i, j)² / (Σ_j w(i, j))².
+    pub variance: Option<Tree>,
+}
+
+impl Gather {
+    /// A gather of the noisy colour, as in the paper.
+    pub fn of_color(weight: Tree, window: Window) -> Self {
+        let of = Tree::leaf(Symbol::Vector(Feature::Color)).expect("a leaf is a tree");
+        Self { of, weight, window, variance: None }
+    }
+
+    /// Whether it is what the paper's filters are: a mean of the noisy colour, by a
+    /// weight that reads features alone.
+    pub fn is_paper(&self) -> bool {
+        self.of.symbols() == [Symbol::Vector(Feature::Color)]
+            && self.variance.is_none()
+            && self.weight.is_paper()
+    }
+}
+
+/// What a stage does.
+#[derive(Clone, Debug, PartialEq)]
+pub enum StageKind {
+    /// A value at every pixel.
+    Map(Tree),
+    /// A weighted mean over a window.
+    Gather(Gather),
+}
+
+/// A named step of a filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// What later stages call it.
+    pub name: String,
+    /// What it does.
+    pub kind: StageKind,
+}
+
+/// What stands in for a feature that a file lacks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StandIn {
+    /// A number, in all components. A distance of two equal numbers is zero, so that this
+    /// also drops terms that look at distances alone.
+    Constant(f32),
+    /// Another feature of the same width.
+    Feature(Feature),
+}
+
+/// A filter: its stages in order, with their constants.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filter {
+    /// What people call it.
+    pub name: String,
+    /// At least one; each reads those before it, and the last is the result.
+    pub stages: Vec<Stage>,
+    /// Constants that have names.
+    pub constants: Constants,
+    /// What stands in for features that a file lacks. Without one of those that it reads
+    /// and that are not listed here, the filter cannot run.
+    pub absent: Vec<(Feature, StandIn)>,
+}
+
+impl Filter {
+    /// What the only stage of a filter of one stage is called.
+    pub const RESULT: &str = "result";
+
+    /// A filter of one dense stage on the noisy colour, as in the paper.
+    pub fn single(name: impl Into<String>, weight: Tree, radius: u32) -> Self {
+        Self::of_gather(name, Gather::of_color(weight, Window::dense(radius)))
+    }
+
+    /// A filter of one gather.
+    pub fn of_gather(name: impl Into<String>, gather: Gather) -> Self {
+        let stage = Stage { name: Self::RESULT.to_owned(), kind: StageKind::Gather(gather) };
+        let constants = Constants::default();
+        Self { name: name.into(), stages: vec![stage], constants, absent: Vec::new() }
+    }
+
+    /// The gather, if the filter is one of the paper's: one gather of the noisy colour.
+    pub fn paper(&self) -> Option<&Gather> {
+        match self.stages.as_slice() {
+            [Stage { kind: StageKind::Gather(gather), .. }] if gather.is_paper() => Some(gather),
+            _ => None,
+        }
+    }
+
+    /// The features that the filter reads something of that a scene does not provide and
+    /// nothing stands in for, each once, in the feature table's order.
+    ///
+    /// # Panics
+    /// If the filter makes no sense: see [`Filter::check`].
+    pub fn lacking(&self, provides: impl Fn(PlaneId) -> bool) -> Vec<Feature> {
+        let required = self.check().expect("the filter makes sense").required();
+        let planes = required.named().into_iter().flatten();
+        let lacking = planes.filter(|&&plane| !provides(plane)).map(|plane| plane.feature);
+        lacking.collect::<BTreeSet<Feature>>().into_iter().collect()
+    }
+
+    /// The features that the filter reads something of that a scene does not provide, and
+    /// that something stands in for: each once, in the feature table's order.
+    ///
+    /// # Panics
+    /// If the filter makes no sense: see [`Filter::check`].
+    pub fn does_without(&self, provides: impl Fn(PlaneId) -> bool) -> Vec<Feature> {
+        let needs = self.check().expect("the filter makes sense").needs();
+        let planes = needs.named().into_iter().flatten();
+        let absent = |feature| self.absent.iter().any(|(absent, _)| *absent == feature);
+        let lacking = planes.filter(|&&plane| absent(plane.feature) && !provides(plane));
+        lacking.map(|plane| plane.feature).collect::<BTreeSet<Feature>>().into_iter().collect()
+    }
+
+    /// The gathers, in order.
+    pub fn gathers(&self) -> impl Iterator<Item = &Gather> {
+        self.stages.iter().filter_map(|stage| match &stage.kind {
+            StageKind::Gather(gather) => Some(gather),
+            StageKind::Map(_) => None,
+        })
+    }
+
+    /// The gathers, to be changed.
+    pub fn gathers_mut(&mut self) -> impl Iterator<Item = &mut Gather> {
+        self.stages.iter_mut().filter_map(|stage| match &mut stage.kind {
+            StageKind::Gather(gather) => Some(gather),
+            StageKind::Map(_) => None,
+        })
+    }
+}

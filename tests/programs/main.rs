@@ -1,0 +1,334 @@
+//! Programs of several stages: every back end against every other and the exact meaning.
+
+#[path = "../fixture/mod.rs"]
+mod fixture;
+#[path = "../fixture/programs.rs"]
+mod programs;
+
+use std::path::Path;
+
+use tamis::backend::{Backend, Executable, Filtered, Interpreter, Rect, meaning};
+use tamis::filter::Filter;
+use tamis::plan::{Kernel, PASSES, Passes, Program, Schedule};
+use tamis::scene::{Facts, Scene};
+
+fn parse(text: &str) -> Filter {
+    Filter::parse(text, Path::new("test.toml")).unwrap_or_else(|error| panic!("{error}\n{text}"))
+}
+
+fn schedule(filter: &Filter, scene: &Scene, passes: Passes) -> Schedule {
+    let checked = filter.check().expect("parsed filters make sense");
+    Schedule::new(&checked, &Facts::of(scene), passes).expect("the scene has every feature")
+}
+
+fn program(filter: &Filter, scene: &Scene, passes: Passes) -> Program {
+    match schedule(filter, scene, passes) {
+        Schedule::Program(program) => program,
+        Schedule::Paper(_) => panic!("{} is a program", filter.name),
+    }
+}
+
+fn run(backend: &dyn Backend, schedule: &Schedule, scene: &Scene, region: &[Rect]) -> Filtered {
+    let code: Box<dyn Executable> = backend.schedule(schedule).expect("it compiles");
+    code.run(scene, region).expect("it runs").swap_remove(0)
+}
+
+fn whole(backend: &dyn Backend, schedule: &Schedule, scene: &Scene) -> Filtered {
+    run(backend, schedule, scene, &[Rect::whole(scene)])
+}
+
+/// The greatest difference from exact, relative to the pixel's colour or the scene's.
+fn difference(scene: &Scene, filter: &Filter, filtered: &Filtered) -> f64 {
+    let checked = filter.check().expect("parsed filters make sense");
+    let exact = meaning::program(scene, &checked);
+    let scale = f64::from(scene.normalization().exposure);
+    let pixels = filtered.pixels.iter().zip(&exact);
+    let differences = pixels.flat_map(|(computed, exact)| {
+        let channels = computed.iter().zip(exact);
+        channels.map(move |(&c, &e)| (f64::from(c) - e).abs() / e.abs().max(scale))
+    });
+    differences.fold(0.0, f64::max)
+}
+
+#[cfg(feature = "jit")]
+fn machine_code() -> Vec<tamis::backend::Jit> {
+    use tamis::backend::{Jit, Width};
+    let widths = [Width::Bits128, Width::Bits256, Width::Bits512];
+    widths.into_iter().filter_map(|width| Jit::with_width(width).ok()).collect()
+}
+
+#[test]
+fn a_program_means_the_same_to_everyone() {
+    let filter = parse(programs::SAMPLE);
+    for (width, height) in [(70, 41), (1, 1), (5, 90)] {
+        let scene = fixture::scene(width, height, 3);
+        let schedule = schedule(&filter, &scene, Passes::ALL);
+        let expected = whole(&Interpreter, &schedule, &scene);
+        let difference = difference(&scene, &filter, &expected);
+        assert!(difference < 1e-5, "{width}x{height}: {difference:e} from exact");
+        #[cfg(feature = "jit")]
+        for jit in machine_code() {
+            assert_eq!(whole(&jit, &schedule, &scene), expected, "{:?}", jit.width());
+        }
+    }
+}
+
+#[test]
+fn regions_and_threads_change_no_bit() {
+    let filter = parse(programs::SAMPLE);
+    let scene = fixture::scene(70, 131, 4);
+    let schedule = schedule(&filter, &scene, Passes::ALL);
+    let expected = whole(&Interpreter, &schedule, &scene);
+    let rects =
+        [Rect { x: 3, y: 0, width: 60, height: 2 }, Rect { x: 0, y: 99, width: 70, height: 32 }];
+    let parts = run(&Interpreter, &schedule, &scene, &rects);
+    let pixels = rects.iter().flat_map(|r| {
+        (r.y..r.y + r.height).flat_map(move |y| (r.x..r.x + r.width).map(move |x| y * 70 + x))
+    });
+    assert_eq!(parts.pixels, pixels.map(|k| expected.pixels[k]).collect::<Vec<_>>());
+    for threads in [1, 3, 7] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        let filtered = pool.install(|| whole(&Interpreter, &schedule, &scene));
+        assert_eq!(filtered, expected, "{threads} threads");
+    }
+}
+
+#[test]
+fn exposure_changes_no_bit_but_its_own() {
+    let filter = parse(programs::SAMPLE);
+    let [one, four] = [1.0, 4.0].map(|light| {
+        let scene = fixture::prepare(fixture::raw_with(40, 30, 5, light, &[]));
+        whole(&Interpreter, &schedule(&filter, &scene, Passes::ALL), &scene)
+    });
+    for (a, b) in one.pixels.iter().zip(&four.pixels) {
+        assert_eq!(a.map(|x| x * 4.0), *b);
+    }
+}
+
+#[test]
+fn passes_change_no_more_than_rounding() {
+    let filter = parse(programs::SAMPLE);
+    let scene = fixture::scene(48, 33, 6);
+    let expected = whole(&Interpreter, &schedule(&filter, &scene, Passes::ALL), &scene);
+    let without = |name: &str| Passes::ALL.without(name).expect("a pass");
+    let all = PASSES.iter().map(|row| (row.name, row.exact, without(row.name)));
+    for (name, exact, passes) in all.chain([("all of them", false, Passes::NONE)]) {
+        let schedule = schedule(&filter, &scene, passes);
+        let filtered = whole(&Interpreter, &schedule, &scene);
+        if exact {
+            assert_eq!(filtered, expected, "without {name}");
+        }
+        let difference = difference(&scene, &filter, &filtered);
+        assert!(difference < 1e-5, "without {name}: {difference:e} from exact");
+        #[cfg(feature = "jit")]
+        for jit in machine_code() {
+            assert_eq!(whole(&jit, &schedule, &scene), filtered, "{name}, {:?}", jit.width());
+        }
+    }
+}
+
+#[test]
+fn random_programs_mean_the_same_to_everyone() {
+    let mut scenes = Vec::new();
+    for seed in 0..3 {
+        scenes.push(fixture::scene(37, 29, seed));
+    }
+    let (mut gathers, mut mirrored, mut worst) = (0, 0, 0.0f64);
+    for seed in 0..120 {
+        let text = programs::random(seed, 1 + seed as usize % 12);
+        let filter = parse(&text);
+        assert_eq!(parse(&filter.to_toml(toml::Table::new())), filter, "{text}");
+        let scene = &scenes[seed as usize % scenes.len()];
+        let schedule = schedule(&filter, scene, Passes::ALL);
+        if let Schedule::Program(program) = &schedule {
+            for kernel in &program.kernels {
+                if let Kernel::Gather(gather) = kernel {
+                    gathers += 1;
+                    mirrored += usize::from(gather.mirrored);
+                }
+            }
+        }
+        let expected = whole(&Interpreter, &schedule, scene);
+        let finite = expected.pixels.iter().flatten().all(|x| x.is_finite());
+        assert!(finite, "seed {seed}:\n{text}");
+        worst = worst.max(difference(scene, &filter, &expected));
+        #[cfg(feature = "jit")]
+        for jit in machine_code() {
+            assert_eq!(whole(&jit, &schedule, scene), expected, "seed {seed}:\n{text}");
+        }
+    }
+    assert!(gathers > 80 && mirrored > 5, "{gathers} gathers, {mirrored} of them mirrored");
+    assert!(worst < 1e-3, "{worst:e} from exact");
+}
+
+#[test]
+fn what_nobody_needs_is_not_computed() {
+    let filter = parse(programs::SAMPLE);
+    let scene = fixture::scene(20, 20, 7);
+    let all = program(&filter, &scene, Passes::ALL);
+    let unused = filter.stages.iter().position(|stage| stage.name == "unused").expect("there");
+    let gathers = all.kernels.iter().filter_map(|kernel| match kernel {
+        Kernel::Gather(gather) => Some(gather.stage),
+        Kernel::Map(_) => None,
+    });
+    let gathers: Vec<usize> = gathers.collect();
+    assert!(!gathers.contains(&unused) && gathers.len() == 3, "{gathers:?}");
+
+    // A stage that is the same everywhere is no kernel, and neither is who averages it.
+    let constant = parse(
+        "version = 2\nname = \"x\"\n[[stage]]\nname = \"a\"\nmap = \"exp(0) + 1\"\n\
+         [[stage]]\nname = \"b\"\ngather = \"a\"\nweight = \"exp(-cVariance[j])\"\nradius = 3\n\
+         [[stage]]\nname = \"c\"\nmap = \"color * b\"\n",
+    );
+    let program = program(&constant, &scene, Passes::ALL);
+    assert_eq!(program.kernels.len(), 1, "{:?}", program.kernels);
+}
+
+#[test]
+fn something_stands_in_for_features_that_a_file_lacks() {
+    use tamis::expr::Feature;
+    let filter = parse(programs::SAMPLE);
+    let lacking = [Feature::Depth, Feature::WorldPosition, Feature::DirIllumination];
+    let scene = fixture::prepare(fixture::raw_with(30, 20, 8, 1.0, &lacking));
+    let schedule_of = |filter: &Filter| schedule(filter, &scene, Passes::ALL);
+    let filtered = whole(&Interpreter, &schedule_of(&filter), &scene);
+    // The same as a filter that says so itself.
+    let text = programs::SAMPLE.replace("direct)\"", "color)\"");
+    let text = text.replace("+ distance1(depth, depth)", "");
+    let expected = whole(&Interpreter, &schedule_of(&parse(&text)), &scene);
+    assert_eq!(filtered, expected);
+    let difference = difference(&scene, &filter, &filtered);
+    assert!(difference < 1e-5, "{difference:e} from exact");
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_with_stage_and_place() {
+    let message = |stages: &str| {
+        let text = format!("version = 2\nname = \"x\"\n[params]\nk = 2\n{stages}");
+        match Filter::parse(&text, Path::new("test.toml")) {
+            Ok(_) => panic!("{text} makes no sense"),
+            Err(error) => error.to_string(),
+        }
+    };
+    let map = |name: &str, map: &str| format!("[[stage]]\nname = \"{name}\"\nmap = \"{map}\"\n");
+    let gather = |of: &str, weight: &str| {
+        let rest = format!("weight = \"{weight}\"\nradius = 2\n");
+        format!("[[stage]]\nname = \"g\"\ngather = \"{of}\"\n{rest}")
+    };
+    let cases = [
+        (map("a", "b") + &map("b", "color"), "stage `b` is not computed yet"),
+        (map("a", "a + 1"), "stage `a` is not computed yet"),
+        (map("a", "color + pixel"), "`+` does not take 3 components and 2 components"),
+        (map("a", "color[j]"), "there is no pixel j"),
+        (map("a", "colour"), "did you mean `color`?"),
+        (map("a", "color[3]"), "does not take 3 components"),
+        (map("a", "clamp(color, 1)"), "`clamp` does not take"),
+        (map("color", "color"), "`color` cannot be the name"),
+        (map("a", "color") + &map("a", "color"), "`a` cannot be the name"),
+        (map("k", "color"), "`k` cannot be the name"),
+        (map("a", "k"), "the filter's result must have 3, but has 1"),
+        (map("a", "color.variance"), "has no variance"),
+        (gather("color", "color"), "the weight must have 1, but has 3"),
+        (gather("color", "color[1, 0][0]"), "a weight looks at the pixels i and j alone"),
+        (gather("color", "1").replace("radius = 2", "radius = 200"), "at most 128"),
+        (gather("color", "1").replace("weight = \"1\"\n", ""), "has no `weight`"),
+        (map("a", "color") + "radius = 3\n", "what only gathers have"),
+        (map("a", "color") + "[absent]\nnormals = 0\n", "`normals` is no feature"),
+        (map("a", "color") + "[absent]\nalbedo = 0\ntexture = 1\n", "named twice"),
+        (map("a", "\u{a0}exp(1, 2)"), "`exp` takes 1 operand"),
+    ];
+    for (stages, expected) in cases {
+        let message = message(&stages);
+        assert!(message.contains("test.toml") && message.contains(expected), "{stages}{message}");
+    }
+    let out_of_bounds = "version = 2\nname = \"x\"\n[params]\nk = { value = 3, max = 2 }\n"
+        .to_owned()
+        + &map("a", "k * color");
+    let error = Filter::parse(&out_of_bounds, Path::new("test.toml")).expect_err("3 > 2");
+    assert!(error.to_string().contains("constant `k` is 3"), "{error}");
+}
+
+#[test]
+fn a_program_refuses_scenes_of_which_its_facts_do_not_hold() {
+    use tamis::backend::BackendError;
+    use tamis::expr::Feature;
+    let filter = parse(
+        "version = 2\nname = \"x\"\n[absent]\ndepth = 0\n[[stage]]\nname = \"a\"\n\
+         map = \"color * (1 + secondaryAlbedo + depth)\"\n",
+    );
+    let varied = fixture::scene(9, 9, 1);
+    let brighter = fixture::prepare(fixture::raw_with(9, 9, 2, 1.0, &[]));
+    let without = fixture::prepare(fixture::raw_with(9, 9, 1, 1.0, &[Feature::SecTexture]));
+    let code = Interpreter.schedule(&schedule(&filter, &varied, Passes::ALL)).expect("compiles");
+    let run = |scene: &Scene| code.run(scene, &[Rect::whole(scene)]).map(|_| ());
+    assert!(run(&varied).is_ok());
+    assert!(matches!(run(&brighter), Err(BackendError::Unlike { .. })));
+    assert!(matches!(run(&without), Err(BackendError::NotLoaded(_))));
+}
+
+/// Constants by the thousand parse, compile and print, and a layer is a matrix product.
+#[test]
+fn layers_of_thousands_of_constants_work() {
+    let (inputs, units, outputs) = (36, 120, 12);
+    let number = |k: usize| ((k * 7919) % 2003) as f32 / 20030.0 - 0.05;
+    let block = |name: &str, rows: usize, columns: usize| {
+        let row = |r: usize| {
+            let numbers = (0..columns).map(|c| number(r * columns + c).to_string());
+            format!("[{}]", numbers.collect::<Vec<_>>().join(", "))
+        };
+        let rows_text = (0..rows).map(row).collect::<Vec<_>>().join(", ");
+        let bias = (0..rows).map(|r| number(r).to_string()).collect::<Vec<_>>().join(", ");
+        format!("[layers.{name}]\nweights = [{rows_text}]\nbias = [{bias}]\n")
+    };
+    let statistics = (0..inputs / 3).map(|k| format!("color[{}, 0]", k as i32 - 6));
+    let statistics = statistics.collect::<Vec<_>>().join(", ");
+    let text = format!(
+        "version = 2\nname = \"x\"\n{}{}[[stage]]\nname = \"a\"\n\
+         map = \"w2(leaky(w1(join({statistics}))))\"\n\
+         [[stage]]\nname = \"b\"\nmap = \"color * exp(join(a[0], a[5], a[11]))\"\n",
+        block("w1", units, inputs),
+        block("w2", outputs, units),
+    );
+    let filter = parse(&text);
+    let constants = filter.constants.layers.iter().map(|l| l.rows() * (l.columns() + 1));
+    assert!(constants.sum::<usize>() > 5_000);
+    assert_eq!(parse(&filter.to_toml(toml::Table::new())), filter);
+    let shown = tamis::filter::show(&filter.check().expect("it makes sense"));
+    assert!(shown.contains("w1: 36 -> 120, weights 120x36"), "{shown}");
+    let scene = fixture::scene(23, 11, 9);
+    let schedule = schedule(&filter, &scene, Passes::ALL);
+    let expected = whole(&Interpreter, &schedule, &scene);
+    let difference = difference(&scene, &filter, &expected);
+    assert!(difference < 1e-5, "{difference:e} from exact");
+    #[cfg(feature = "jit")]
+    for jit in machine_code() {
+        assert_eq!(whole(&jit, &schedule, &scene), expected, "{:?}", jit.width());
+    }
+}
+
+/// The shipped programs: on a real render the back ends agree to the bit, and on a small
+/// scene, as exact results take minutes for a render, they are near to exact.
+#[test]
+fn shipped_programs_mean_the_same_to_everyone() {
+    use tamis::scene::{LoadOptions, Scene};
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for filter in tamis::filter::shipped::programs() {
+        let checked = filter.check().expect("shipped filters make sense");
+        let file = root.join("data/test/showroom/4spp.exr");
+        let scene = Scene::load(&file, &checked.needs(), checked.reach(), &LoadOptions::default());
+        let scene = scene.expect("the project's own scene");
+        for (scene, small) in [(scene, false), (fixture::scene(48, 40, 10), true)] {
+            let schedule = schedule(&filter, &scene, Passes::ALL);
+            let expected = whole(&Interpreter, &schedule, &scene);
+            #[cfg(feature = "jit")]
+            for jit in machine_code() {
+                assert_eq!(whole(&jit, &schedule, &scene), expected, "{:?}", jit.width());
+            }
+            if small {
+                let difference = difference(&scene, &filter, &expected);
+                println!("{}: {difference:e} from exact", filter.name);
+                assert!(difference < 1e-4, "{}: {difference:e} from exact", filter.name);
+            }
+        }
+    }
+}
