@@ -38,7 +38,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use tamis::backend::{Backend, Interpreter, Jit};
-use tamis::evolve::images::TOGETHER;
+use tamis::evolve::settings::TOGETHER;
 use tamis::evolve::{
     Bar, Control, Coverage, Entrant, Event, Fitness, ImageFitness, Outcome, Preset, Racing, Search,
     Settings, TrainingScene,

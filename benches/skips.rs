@@ -10,7 +10,8 @@
 //! round, and medians count. A row sums up the filters (the named and the shipped
 //! ones, if none are chosen): times and their ratio are geometric means; of the
 //! greatest relative difference of a channel, and of the relative change of
-//! RelMSE, it is the greatest.
+//! RelMSE, it is the greatest. Programs take part if they are named; their windows are
+//! their own.
 //!
 //! `liveness` is no pass but the loader's: its times are those of loading what a
 //! filter reads, and of loading everything.
@@ -21,9 +22,9 @@ use std::time::Instant;
 
 use clap::Parser;
 use tamis::backend::{Backend, Executable, Jit, Rect};
-use tamis::expr::{Tree, codebook};
-use tamis::filter::{Filter, Window};
-use tamis::plan::{PASSES, Passes, Plan};
+use tamis::expr::codebook;
+use tamis::filter::{Checked, Filter, Window};
+use tamis::plan::{PASSES, Passes, Schedule};
 use tamis::report::{Align, Format, Table, number};
 use tamis::scene::{Facts, Image, LoadOptions, Metrics, Needs, Scene, SceneFiles, discover};
 
@@ -67,10 +68,13 @@ fn main() {
         (arguments.radius, arguments.rounds) = (1, 1);
         arguments.filters = vec!["gaussian".to_owned()];
     }
-    let filters: Vec<Tree> = match arguments.filters.as_slice() {
+    let mut filters: Vec<Filter> = match arguments.filters.as_slice() {
         [] => every_filter(),
         texts => texts.iter().map(|text| filter(text)).collect(),
     };
+    for filter in filters.iter_mut().filter(|filter| filter.paper().is_some()) {
+        filter.gathers_mut().for_each(|gather| gather.window = Window::dense(arguments.radius));
+    }
     let mut scenes = discover(&arguments.scenes).expect("folders with scenes");
     if !arguments.bench {
         scenes.truncate(1);
@@ -87,33 +91,41 @@ fn main() {
 }
 
 /// The named filters and those that come with the program and are single weights.
-fn every_filter() -> Vec<Tree> {
+fn every_filter() -> Vec<Filter> {
     let shipped = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/data/filters"));
     let files = shipped.read_dir().expect("the project's own filters");
     let mut files: Vec<PathBuf> = files.map(|file| file.expect("readable").path()).collect();
     files.sort();
-    let shipped = files.iter().filter_map(|path| weight(path));
-    codebook::known().iter().map(|known| known.weight.clone()).chain(shipped).collect()
+    let shipped = files.iter().map(|path| read(path)).filter(|filter| filter.paper().is_some());
+    let known = codebook::known().iter();
+    known.map(|known| single(known.name, known.weight.clone())).chain(shipped).collect()
 }
 
-fn filter(text: &str) -> Tree {
+fn single(name: &str, weight: tamis::expr::Tree) -> Filter {
+    Filter::single(name, weight, Window::DEFAULT_RADIUS)
+}
+
+fn filter(text: &str) -> Filter {
     let shipped = format!("{}/data/filters/{text}.toml", env!("CARGO_MANIFEST_DIR"));
     let files = [Path::new(text), Path::new(&shipped)];
     let file = files.into_iter().find(|path| path.is_file());
     let parse = || text.parse().unwrap_or_else(|error| panic!("{text}: {error}"));
-    codebook::named(text).cloned().or_else(|| file.map(read)).unwrap_or_else(parse)
+    let weight = codebook::named(text).cloned();
+    match (weight, file) {
+        (None, Some(file)) => read(file),
+        (weight, _) => single(text, weight.unwrap_or_else(parse)),
+    }
 }
 
-fn read(path: &Path) -> Tree {
-    weight(path).unwrap_or_else(|| panic!("{}: a program of several stages", path.display()))
+fn read(path: &Path) -> Filter {
+    Filter::read(path).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn weight(path: &Path) -> Option<Tree> {
-    let filter = Filter::read(path).unwrap_or_else(|error| panic!("{error}"));
-    Some(filter.paper()?.weight.clone())
+fn checked(filter: &Filter) -> Checked<'_> {
+    filter.check().expect("filters that are read make sense")
 }
 
-fn table(arguments: &Arguments, filters: &[Tree], scenes: &[SceneFiles]) -> Table {
+fn table(arguments: &Arguments, filters: &[Filter], scenes: &[SceneFiles]) -> Table {
     let mut table = Table::new([
         ("skip", Align::Left),
         ("scene", Align::Left),
@@ -166,15 +178,12 @@ fn passes(
     arguments: &Arguments,
     files: &SceneFiles,
     reference: &Image,
-    filter: &Tree,
+    filter: &Filter,
 ) -> Vec<Saving> {
-    let scene = load(arguments, files, &needs(filter));
+    let scene = load(files, filter, &checked(filter).needs());
     let off = PASSES.iter().map(|pass| Passes::ALL.without(pass.name).expect("there is this pass"));
-    let codes: Vec<Box<dyn Executable>> = [Passes::ALL]
-        .into_iter()
-        .chain(off)
-        .map(|p| compile(arguments, &scene, filter, p))
-        .collect();
+    let codes: Vec<Box<dyn Executable>> =
+        [Passes::ALL].into_iter().chain(off).map(|p| compile(&scene, filter, p)).collect();
     let mut times = vec![Vec::new(); codes.len()];
     let mut images = vec![None; codes.len()];
     for _ in 0..arguments.rounds {
@@ -192,44 +201,39 @@ fn passes(
 }
 
 /// Loading what the filter reads, and all that there is.
-fn liveness(arguments: &Arguments, files: &SceneFiles, reference: &Image, filter: &Tree) -> Saving {
-    let choices = [needs(filter), Needs::everything()];
+fn liveness(
+    arguments: &Arguments,
+    files: &SceneFiles,
+    reference: &Image,
+    filter: &Filter,
+) -> Saving {
+    let choices = [checked(filter).needs(), Needs::everything()];
     let mut times = [Vec::new(), Vec::new()];
     for _ in 0..arguments.rounds {
         for (needs, times) in choices.iter().zip(&mut times) {
             let start = Instant::now();
-            black_box(load(arguments, files, needs));
+            black_box(load(files, filter, needs));
             times.push(milliseconds(start));
         }
     }
     let images = choices.map(|needs| {
-        let scene = load(arguments, files, &needs);
-        run(&*compile(arguments, &scene, filter, Passes::ALL), &scene)
+        let scene = load(files, filter, &needs);
+        run(&*compile(&scene, filter, Passes::ALL), &scene)
     });
     let [on, off] = times.map(median);
     saving((on, &images[0]), (off, &images[1]), reference)
 }
 
-fn needs(filter: &Tree) -> Needs {
-    Needs::planes(filter.planes())
-}
-
-fn load(arguments: &Arguments, files: &SceneFiles, needs: &Needs) -> Scene {
-    let pad = arguments.radius as usize;
+fn load(files: &SceneFiles, filter: &Filter, needs: &Needs) -> Scene {
+    let pad = checked(filter).reach();
     Scene::load(&files.noisy, needs, pad, &LoadOptions::default()).expect("a sound scene")
 }
 
-fn compile(
-    arguments: &Arguments,
-    scene: &Scene,
-    filter: &Tree,
-    passes: Passes,
-) -> Box<dyn Executable> {
-    let window = Window::dense(arguments.radius);
-    let plan = Plan::new(std::slice::from_ref(filter), window, &Facts::of(scene), passes)
+fn compile(scene: &Scene, filter: &Filter, passes: Passes) -> Box<dyn Executable> {
+    let schedule = Schedule::new(&checked(filter), &Facts::of(scene), passes)
         .expect("the scene has what the filter reads");
     let jit = Jit::new().expect("the host has a code generator");
-    jit.compile(&plan).expect("a plan of moderate size")
+    jit.schedule(&schedule).expect("a plan of moderate size")
 }
 
 fn run(code: &dyn Executable, scene: &Scene) -> Image {

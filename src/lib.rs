@@ -56,6 +56,7 @@
 //! Floors and reasons are in `ARCHITECTURE.md`.
 
 pub mod backend;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod evolve;
 pub mod export;

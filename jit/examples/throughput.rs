@@ -128,6 +128,7 @@ fn measure<B: Body>(
         channels: CHANNELS,
         weights,
         absolute: false,
+        lone: false,
         mirrored: false,
     };
     let job = Job { layout, planes: &planes, runs: &runs, taps: &taps, rect: Rect::all(&layout) };

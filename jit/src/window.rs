@@ -44,6 +44,10 @@ pub struct WindowSpec {
     /// Whether to sum |w_k| × the last channel as well. With the constant 1 as
     /// last channel this is the sum of |w_k|, which tells how much cancelled.
     pub absolute: bool,
+    /// Whether the last weight and the last channel are summed with each other alone,
+    /// every other weight with every other channel. With a weight's square as last weight
+    /// and a variance as last channel this is the variance of a weighted mean.
+    pub lone: bool,
     /// Whether every tap counts for both of its ends. The body then returns
     /// w_k(i, j) for every k and after them w_k(j, i) for every k, and every tap
     /// also adds
@@ -68,14 +72,29 @@ impl WindowSpec {
 
     /// Sums per output pixel: weights × channels, with the absolute sums.
     pub fn results(&self) -> usize {
-        self.weights.saturating_mul(self.channels.saturating_add(usize::from(self.absolute)))
+        let [weights, channels] = self.common();
+        let sums = weights.saturating_mul(channels.saturating_add(usize::from(self.absolute)));
+        sums.saturating_add(usize::from(self.lone))
+    }
+
+    /// How many weights and channels are summed each with each.
+    fn common(&self) -> [usize; 2] {
+        [self.weights, self.channels].map(|n| n.saturating_sub(usize::from(self.lone)))
+    }
+
+    /// Whether this weight is the last one, for the last channel alone.
+    fn is_lone(&self, weight: usize) -> bool {
+        self.lone && weight + 1 == self.weights
     }
 
     /// The number of the sum S\[weight\]\[channel\] among a pixel's results.
     ///
-    /// The sum of |w| counts as the channel after the last.
+    /// The sum of |w| counts as the channel after the last that is summed with every weight;
+    /// a [`lone`](Self::lone) weight has one sum, whatever the channel.
     pub fn result(&self, weight: usize, channel: usize) -> usize {
-        weight * (self.channels + usize::from(self.absolute)) + channel
+        let [_, channels] = self.common();
+        let channel = if self.is_lone(weight) { 0 } else { channel };
+        weight * (channels + usize::from(self.absolute)) + channel
     }
 
     /// How many values the body returns.
@@ -89,6 +108,8 @@ impl WindowSpec {
             ("planes", self.planes, 1),
             ("tap values", self.taps, 0),
             ("weights × channels", self.results(), 1),
+            ("weights", self.weights, 1 + usize::from(self.lone)),
+            ("channels", self.channels, 1 + usize::from(self.lone)),
         ];
         for (what, value, least) in ranges {
             if !(least..=Self::LIMIT).contains(&value) {
@@ -176,13 +197,17 @@ fn add_tap<N: Nest>(
     weights: &[N::F],
     mut accumulate: impl FnMut(&mut N, usize, N::F, N::F),
 ) {
+    let [_, common] = spec.common();
     for c in 0..spec.channels {
         let channel = nest.plane(c, side);
         for (k, &weight) in weights.iter().enumerate() {
+            if spec.is_lone(k) != (c >= common) {
+                continue;
+            }
             accumulate(nest, spec.result(k, c), channel, weight);
-            if spec.absolute && c + 1 == spec.channels {
+            if spec.absolute && c + 1 == common {
                 let size = nest.abs(weight);
-                accumulate(nest, spec.result(k, spec.channels), channel, size);
+                accumulate(nest, spec.result(k, common), channel, size);
             }
         }
     }

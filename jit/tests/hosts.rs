@@ -32,8 +32,15 @@ impl Body for Everything {
 fn sizes(triple: &str, flags: &[&str]) -> Vec<usize> {
     let compiler = CrossCompiler::new(triple, flags).expect("the tests build this target");
     let size = |weights: usize, mirrored: bool, chains| {
-        let spec =
-            WindowSpec { planes: 1, taps: 1, channels: 1, weights, absolute: true, mirrored };
+        let spec = WindowSpec {
+            planes: 1,
+            taps: 1,
+            channels: 1,
+            weights,
+            absolute: true,
+            lone: false,
+            mirrored,
+        };
         let body = Everything(if mirrored { 2 * weights } else { weights });
         let code = compiler.compile(spec, chains, &body);
         code.expect("the verifier has no objection, and nothing is called").len()

@@ -28,6 +28,7 @@ fn stays_flat(compiler: &Compiler, count: u32) {
         channels: 1,
         weights: 1,
         absolute: false,
+        lone: false,
         mirrored: false,
     };
     let mut start = 0;

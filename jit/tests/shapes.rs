@@ -5,8 +5,15 @@ use tamis_jit::{
     ShapeError, Side, Width, WindowSpec,
 };
 
-const SPEC: WindowSpec =
-    WindowSpec { planes: 2, taps: 1, channels: 1, weights: 1, absolute: false, mirrored: false };
+const SPEC: WindowSpec = WindowSpec {
+    planes: 2,
+    taps: 1,
+    channels: 1,
+    weights: 1,
+    absolute: false,
+    lone: false,
+    mirrored: false,
+};
 
 /// Reads `plane` and tap value `tap`, and returns `weights` copies of the sum.
 struct Reads {

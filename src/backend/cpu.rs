@@ -51,6 +51,13 @@ pub(super) struct Sums {
     mirrored: bool,
 }
 
+/// What the rows of a mirrored sum owe to those below that have not been computed yet.
+#[derive(Default)]
+pub(super) struct Owed {
+    /// As many rows of sums as the window reaches, or none before the first strip.
+    rows: Vec<f32>,
+}
+
 /// How a strip's sums lie in their buffer: `results` runs of `stride` values
 /// per row, of which those from `first` on belong to the strip's pixels.
 #[derive(Clone, Copy)]
@@ -188,7 +195,8 @@ impl Rates {
                     None => vec![strip],
                 };
                 for stretch in stretches {
-                    let shape = self.sums.add(summer, &frame, &frame.per_tap, stretch, scratch)?;
+                    let per_tap = &frame.per_tap;
+                    let shape = self.sums.add(summer, &frame, per_tap, stretch, None, scratch)?;
                     let stretch = Stretch { rect: stretch, strip, changes: changes.as_ref() };
                     for (weight, filtered) in filtered.iter_mut().enumerate() {
                         self.resolve(stretch, weight, shape, &scratch.sums, filtered);
@@ -383,7 +391,7 @@ impl Sums {
             reach: kernel.reach,
             runs: kernel.runs.clone(),
             per_tap: kernel.tap.results().len(),
-            results: (1 + variance) * (channels + usize::from(kernel.signed)),
+            results: channels + usize::from(kernel.signed),
             mirrored: kernel.mirrored,
         }
     }
@@ -394,17 +402,19 @@ impl Sums {
     }
 
     /// The sums of a strip, to be found in the scratch memory. `per_tap` is what the tap
-    /// tape gives.
+    /// tape gives; `owed` is what the strip above it owes to it, if that was computed
+    /// before, and then what it owes to the strip below.
     pub(super) fn add<S: Summer>(
         &self,
         summer: &S,
         frame: &Frame<'_>,
         per_tap: &[f32],
         strip: Rect,
+        owed: Option<&mut Owed>,
         scratch: &mut Scratch<S::Scratch>,
     ) -> Result<SumShape, BackendError> {
         match self.mirrored {
-            true => self.sum_mirrored(summer, frame, per_tap, strip, scratch),
+            true => self.sum_mirrored(summer, frame, per_tap, strip, owed, scratch),
             false => self.sum(summer, frame, per_tap, strip, scratch),
         }
     }
@@ -433,13 +443,14 @@ impl Sums {
     /// and what it owes to the rows below is added there: so a row has got all
     /// that the rows above it owe when its own turn comes, in the order of
     /// [`crate::plan::Taps`]. Rows above the strip, and columns beside it, are
-    /// computed for what they owe to it alone.
+    /// computed for what they owe to it alone, unless the strip above was computed before.
     fn sum_mirrored<S: Summer>(
         &self,
         summer: &S,
         frame: &Frame<'_>,
         values: &[f32],
         strip: Rect,
+        mut carried: Option<&mut Owed>,
         scratch: &mut Scratch<S::Scratch>,
     ) -> Result<SumShape, BackendError> {
         let (layout, results) = (frame.layout, self.results);
@@ -448,12 +459,19 @@ impl Sums {
         let stride = (right - left).next_multiple_of(summer.step());
         let row_of_sums = results * stride;
         let Scratch { summer: memory, sums, owed, waste } = scratch;
-        clear(sums, strip.height * row_of_sums);
+        // Rows below the strip, for what they are owed.
+        let below = if carried.is_some() { self.reach } else { 0 };
+        clear(sums, (strip.height + below) * row_of_sums);
         clear(owed, self.runs.len() * results * layout.stride());
         clear(waste, row_of_sums);
         let per_tap = self.per_tap;
+        let mut top = strip.y.saturating_sub(self.reach);
+        if let Some(Owed { rows }) = carried.as_deref_mut().filter(|owed| !owed.rows.is_empty()) {
+            sums[..rows.len()].copy_from_slice(rows);
+            top = strip.y;
+        }
         let bottom = strip.y + strip.height;
-        for y in strip.y.saturating_sub(self.reach)..bottom {
+        for y in top..bottom {
             // Of a row above the strip, the nearest runs end before it.
             let short = |run: &&Run| y + (run.dy as usize) < strip.y;
             let (skipped, skipped_taps) = self
@@ -478,7 +496,7 @@ impl Sums {
             {
                 let target = y + run.dy as usize;
                 // What a pixel owes to itself it has got.
-                if target < bottom && !run.is_center() {
+                if target < bottom + below && !run.is_center() {
                     let sums = &mut sums[(target - strip.y) * row_of_sums..][..row_of_sums];
                     let rows = owed.chunks_exact(layout.stride());
                     for (sums, owed) in sums.chunks_exact_mut(stride).zip(rows) {
@@ -490,6 +508,10 @@ impl Sums {
                 }
                 owed.fill(0.0);
             }
+        }
+        if let Some(owed) = carried {
+            owed.rows.clear();
+            owed.rows.extend_from_slice(&sums[strip.height * row_of_sums..]);
         }
         Ok(SumShape { results, stride, first: strip.x - left })
     }

@@ -2,12 +2,13 @@
 
 use rayon::prelude::*;
 
+use super::meaning;
 use super::oracle::{self, Exact as Pixel};
 use super::{ACCURACY, TRUSTED_SHARE, TRUSTED_SUM, color_at};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect, inside};
 use crate::expr::Tree;
-use crate::filter::Gather;
-use crate::plan::Plan;
+use crate::filter::{Filter, Gather};
+use crate::plan::{Plan, Program};
 use crate::scene::Scene;
 
 /// The [`oracle`] as a back end. Only the last step rounds to `f32`, so that colours are
@@ -29,6 +30,40 @@ impl Backend for Exact {
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
         let stage = |weight: &Tree| Gather::of_color(weight.clone(), plan.window());
         Ok(Box::new(Meaning { stages: plan.expressions().iter().map(stage).collect() }))
+    }
+
+    fn runs_programs(&self) -> bool {
+        true
+    }
+
+    fn program(&self, program: &Program) -> Result<Box<dyn Executable>, BackendError> {
+        Ok(Box::new(Whole { filter: program.filter.clone() }))
+    }
+}
+
+/// A program's exact meaning.
+struct Whole {
+    filter: Filter,
+}
+
+impl Executable for Whole {
+    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+        inside(scene, region)?;
+        let checked = self.filter.check().expect("only filters that make sense are scheduled");
+        let required = checked.required();
+        let lacking = required.named().into_iter().flatten().find(|p| scene.plane(**p).is_none());
+        if let Some(&plane) = lacking {
+            return Err(BackendError::NotLoaded(plane));
+        }
+        // A pixel hangs on all those around it, so that a part takes as long as the whole.
+        let exact = meaning::program(scene, &checked);
+        let width = scene.layout().width();
+        let rows = region.iter().flat_map(|&rect| {
+            (rect.y..rect.y + rect.height).map(move |y| (y * width + rect.x, rect.width))
+        });
+        let pixels = rows.flat_map(|(start, width)| &exact[start..start + width]);
+        let pixels = pixels.map(|color| color.map(|c| c as f32)).collect();
+        Ok(vec![Filtered { pixels, kept: 0 }])
     }
 }
 

@@ -4,7 +4,7 @@ use super::block::{
     Arg, BLOCK, Block as Sums, Chunk, LANES, Program, Slots, accumulate, accumulate_magnitude,
 };
 use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, run, tapes};
-use super::program::{Compiled, Engine, Mapper};
+use super::program::{Compiled, Engine, MapBlock, Mapper};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::tape::{Input, Side};
 use crate::plan::{self, GatherKernel, MapKernel, Plan};
@@ -26,6 +26,8 @@ pub(super) struct Pair {
     weights: usize,
     channels: usize,
     signed: bool,
+    /// Whether the last weight and the last channel are summed with each other alone.
+    lone: bool,
     mirrored: bool,
 }
 
@@ -51,6 +53,7 @@ impl Backend for Interpreter {
             weights: plan.weights(),
             channels: CHANNELS,
             signed: plan.signed(),
+            lone: false,
             mirrored: plan.mirrored().is_some(),
         };
         Ok(Box::new(Interpreted { plan: plan.clone(), rates: Rates::new(plan), pair }))
@@ -91,6 +94,7 @@ impl Engine for Interpreter {
             weights: 1 + variance,
             channels: kernel.channels.len() + variance + 1,
             signed: kernel.signed,
+            lone: kernel.variance.is_some(),
             mirrored: kernel.mirrored,
         })
     }
@@ -99,52 +103,61 @@ impl Engine for Interpreter {
 impl Mapper for Map {
     type Scratch = Slots;
 
-    fn row(
+    fn step(&self) -> usize {
+        LANES
+    }
+
+    fn rows(
         &self,
         inputs: &[&[f32]],
-        width: usize,
+        block: MapBlock,
         slots: &mut Slots,
-        outputs: &mut Vec<f32>,
-    ) -> Result<usize, BackendError> {
-        let (stride, count) = (width.next_multiple_of(LANES), self.program.results());
-        outputs.resize(count * stride, 0.0);
-        for start in (0..width).step_by(BLOCK * LANES) {
-            let chunks = (width - start).div_ceil(LANES).min(BLOCK);
-            let args: Vec<Arg<'_>> = self
-                .program
-                .inputs()
-                .iter()
-                .map(|input| match *input {
-                    // The first input is the constant one.
-                    Input::Signal(k, Side::I) => blocks(&inputs[1 + k as usize][start..]),
-                    Input::Signal(_, Side::J)
-                    | Input::Plane(..)
-                    | Input::Offset(_)
-                    | Input::PerPixel(..)
-                    | Input::PerTap(_) => unreachable!("maps read signals at i alone"),
-                })
-                .collect();
-            run(&self.program, &args, slots, chunks);
-            for k in 0..count {
-                let row = &mut outputs[k * stride + start..][..chunks * LANES];
-                match self.program.result(k, &args, slots) {
-                    // Adding zero makes one zero of two, as sums of machine code do.
-                    Arg::Block(block) => {
-                        let values = block[..chunks].as_flattened();
-                        row.iter_mut().zip(values).for_each(|(to, &x)| *to = x + 0.0);
+        outputs: &mut [f32],
+    ) -> Result<(), BackendError> {
+        let MapBlock { layout, rows, pad } = block;
+        let (width, count) = (layout.width(), self.program.results());
+        let stride = width.next_multiple_of(LANES);
+        for (row, outputs) in outputs.chunks_exact_mut(count * stride).take(rows).enumerate() {
+            for start in (0..width).step_by(BLOCK * LANES) {
+                let chunks = (width - start).div_ceil(LANES).min(BLOCK);
+                let at = row * layout.stride() + pad + start;
+                let args: Vec<Arg<'_>> = self
+                    .program
+                    .inputs()
+                    .iter()
+                    .map(|input| match *input {
+                        // The first input is the constant one.
+                        Input::Signal(k, Side::I) => blocks(&inputs[1 + k as usize][at..]),
+                        Input::Signal(_, Side::J)
+                        | Input::Plane(..)
+                        | Input::Offset(_)
+                        | Input::PerPixel(..)
+                        | Input::PerTap(_) => unreachable!("maps read signals at i alone"),
+                    })
+                    .collect();
+                run(&self.program, &args, slots, chunks);
+                for k in 0..count {
+                    let row = &mut outputs[k * stride + start..][..chunks * LANES];
+                    match self.program.result(k, &args, slots) {
+                        // Adding zero makes one zero of two, as sums of machine code do.
+                        Arg::Block(block) => {
+                            let values = block[..chunks].as_flattened();
+                            row.iter_mut().zip(values).for_each(|(to, &x)| *to = x + 0.0);
+                        }
+                        Arg::Splat(x) => row.fill(x + 0.0),
                     }
-                    Arg::Splat(x) => row.fill(x + 0.0),
                 }
             }
         }
-        Ok(stride)
+        Ok(())
     }
 }
 
 impl Pair {
     /// Sums per pixel.
     fn results(&self) -> usize {
-        self.weights * (self.channels + usize::from(self.signed))
+        let lone = usize::from(self.lone);
+        (self.weights - lone) * (self.channels - lone + usize::from(self.signed)) + lone
     }
 
     /// Adds every weight times every channel at `at` to its sum, in order.
@@ -157,15 +170,20 @@ impl Pair {
         mut sums: impl Iterator<Item = &'b mut [Chunk]>,
     ) {
         let mut next = || sums.next().expect("one run of sums per result");
-        for k in 0..self.weights {
+        let lone = usize::from(self.lone);
+        let (common, apart) = frame.channels.split_at(self.channels - lone);
+        for k in 0..self.weights - lone {
             let w = weight(k);
-            for channel in &frame.channels {
+            for channel in common {
                 accumulate(w, channel[at..].as_chunks().0, next());
             }
             if self.signed {
-                let one = frame.channels[self.channels - 1];
+                let one = common[common.len() - 1];
                 accumulate_magnitude(w, one[at..].as_chunks().0, next());
             }
+        }
+        for channel in apart {
+            accumulate(weight(self.weights - 1), channel[at..].as_chunks().0, next());
         }
     }
 }

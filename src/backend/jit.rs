@@ -4,7 +4,7 @@
 use tamis_jit::{Body, Chains, Compiler, Features, Job, Kernel, Lanes, Width, WindowSpec};
 
 use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, tapes};
-use super::program::{self, Engine, Mapper};
+use super::program::{self, Engine, MapBlock, Mapper};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::feature::PlaneId;
 use crate::expr::tape::{Input, Instr, Prim, Side, Tape};
@@ -85,7 +85,6 @@ pub(super) struct Pair {
 /// channel is one.
 pub(super) struct Map {
     kernel: Kernel,
-    results: usize,
 }
 
 impl Engine for Jit {
@@ -100,10 +99,11 @@ impl Engine for Jit {
             channels: 1,
             weights: results,
             absolute: false,
+            lone: false,
             mirrored: false,
         };
         let body = TapeBody { tape: &kernel.tape, planes: &[], channels: 1 };
-        Ok(Map { kernel: self.compiler.compile(spec, self.chains, &body)?, results })
+        Ok(Map { kernel: self.compiler.compile(spec, self.chains, &body)? })
     }
 
     fn gather(&self, kernel: &GatherKernel) -> Result<Pair, BackendError> {
@@ -116,6 +116,7 @@ impl Engine for Jit {
             channels,
             weights: 1 + variance,
             absolute: kernel.signed,
+            lone: kernel.variance.is_some(),
             mirrored: kernel.mirrored,
         };
         let body = TapeBody { tape: &kernel.pair, planes: &planes, channels };
@@ -127,23 +128,29 @@ impl Engine for Jit {
 impl Mapper for Map {
     type Scratch = ();
 
-    fn row(
+    fn step(&self) -> usize {
+        self.kernel.step()
+    }
+
+    fn rows(
         &self,
         inputs: &[&[f32]],
-        width: usize,
+        block: MapBlock,
         (): &mut (),
-        outputs: &mut Vec<f32>,
-    ) -> Result<usize, BackendError> {
-        let step = self.kernel.step();
-        let layout = tamis_jit::Layout { width, height: 1, pad: 0, stride: width + step - 1 };
+        outputs: &mut [f32],
+    ) -> Result<(), BackendError> {
+        let MapBlock { layout, rows, pad } = block;
+        let (width, stride) = (layout.width(), layout.stride());
+        let layout = match rows {
+            // The row may end where the plane does.
+            1 => tamis_jit::Layout { width, height: 1, pad, stride: width + self.step() - 1 },
+            height => tamis_jit::Layout { width, height, pad, stride },
+        };
         let runs = [tamis_jit::Run { dx: 0, dy: 0, count: 1, step: 1 }];
-        let rect = tamis_jit::Rect { x: 0..width, y: 0..1 };
+        let rect = tamis_jit::Rect { x: 0..width, y: 0..rows };
         let job = Job { layout, planes: inputs, runs: &runs, taps: &[], rect };
-        let stride = width.next_multiple_of(step);
-        outputs.clear();
-        outputs.resize(self.results * stride, 0.0);
         self.kernel.run(&job, outputs, &mut [])?;
-        Ok(stride)
+        Ok(())
     }
 }
 
@@ -247,6 +254,7 @@ fn spec(plan: &Plan, planes: &[PlaneId]) -> WindowSpec {
         channels: CHANNELS,
         weights: plan.weights(),
         absolute: plan.signed(),
+        lone: false,
         mirrored: plan.mirrored().is_some(),
     }
 }

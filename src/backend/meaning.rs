@@ -11,10 +11,10 @@ use super::oracle::neighbours;
 use super::{TRUSTED_SHARE, TRUSTED_SUM};
 use crate::expr::builder::LIMIT;
 use crate::expr::evaluate::Evaluator;
-use crate::expr::feature::Feature;
+use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::tape::Side;
 use crate::expr::tree::{Place, Source, StagePlane, Tree};
-use crate::filter::{Checked, Gather, Resolved, StageKind};
+use crate::filter::{Checked, Gather, Grid, Resolved, StageKind};
 use crate::scene::{Facts, Scene};
 
 /// The images of the stages so far.
@@ -34,9 +34,10 @@ pub fn program(scene: &Scene, filter: &Checked<'_>) -> Vec<[f64; 3]> {
     let mut images = Images { filter, scene, facts, planes: BTreeMap::new() };
     let stages = &filter.filter().stages;
     for (k, stage) in stages.iter().enumerate() {
+        let grid = stage.grid;
         let components = match &stage.kind {
-            StageKind::Map(value) => images.map(value),
-            StageKind::Gather(gather) => images.gather(gather),
+            StageKind::Map(value) => images.map(value, grid),
+            StageKind::Gather(gather) => images.gather(gather, grid),
         };
         let planes = (0..).map(|component| StagePlane { stage: k as u16, component });
         images.planes.extend(planes.zip(components));
@@ -49,17 +50,58 @@ pub fn program(scene: &Scene, filter: &Checked<'_>) -> Vec<[f64; 3]> {
 }
 
 impl Images<'_> {
-    fn size(&self) -> (usize, usize) {
-        (self.scene.layout().width(), self.scene.layout().height())
+    fn size(&self, grid: Grid) -> [usize; 2] {
+        [self.scene.layout().width(), self.scene.layout().height()].map(|n| grid.along(n))
     }
 
-    /// A plane's value at a pixel, which may lie beside the image.
-    fn read(&self, source: Source, x: i64, y: i64) -> f64 {
-        let (width, height) = self.size();
-        let x = x.clamp(0, width as i64 - 1) as usize;
-        let y = y.clamp(0, height as i64 - 1) as usize;
+    /// A plane's value at a pixel of a grid, which may lie beside the image.
+    fn read(&self, source: Source, grid: Grid, at: [i64; 2]) -> f64 {
+        let size = self.size(grid);
+        let [x, y] = [0, 1].map(|axis| at[axis].clamp(0, size[axis] as i64 - 1) as usize);
+        let own = match source {
+            Source::Stage(plane) => self.filter.filter().stages[usize::from(plane.stage)].grid,
+            Source::Feature(_) => Grid::Full,
+        };
+        let end = self.size(own).map(|n| n as i64 - 1);
+        let at = |x: i64, y: i64| self.pixel(source, x.clamp(0, end[0]), y.clamp(0, end[1]));
+        let [x, y] = [x as i64, y as i64];
+        match (own, grid) {
+            (Grid::Full, Grid::Full) | (Grid::Half, Grid::Half) => at(x, y),
+            (Grid::Full, Grid::Half) => match source {
+                // The middle of two pixels, also where there is one.
+                Source::Feature(PlaneId { feature: Feature::Pixel, component, .. }) => {
+                    2.0 * [x, y][usize::from(component)] as f64 + 0.5
+                }
+                Source::Feature(_) | Source::Stage(_) => {
+                    let corners = [[0, 0], [1, 0], [0, 1], [1, 1]];
+                    corners.map(|[dx, dy]| at(2 * x + dx, 2 * y + dy)).iter().sum::<f64>() / 4.0
+                }
+            },
+            (Grid::Half, Grid::Full) => {
+                // The nearest pixel, and the next one to that side.
+                let along = |x: i64| {
+                    let other = if x % 2 == 0 { x / 2 - 1 } else { x / 2 + 1 };
+                    [(x / 2, 0.75), (other, 0.25)]
+                };
+                let mut value = 0.0;
+                for (y, v) in along(y) {
+                    for (x, u) in along(x) {
+                        value += u * v * at(x, y);
+                    }
+                }
+                value
+            }
+        }
+    }
+
+    /// A plane's value at a pixel of its own grid.
+    fn pixel(&self, source: Source, x: i64, y: i64) -> f64 {
+        let (x, y) = (x as usize, y as usize);
         match source {
-            Source::Stage(plane) => self.planes[&plane][y * width + x],
+            Source::Stage(plane) => {
+                let grid = self.filter.filter().stages[usize::from(plane.stage)].grid;
+                self.planes[&plane][y * self.size(grid)[0] + x]
+            }
             Source::Feature(plane) => match (plane.feature, plane.component) {
                 (Feature::Pixel, 0) => x as f64,
                 (Feature::Pixel, _) => y as f64,
@@ -75,8 +117,8 @@ impl Images<'_> {
     }
 
     /// A formula at every pixel, component by component.
-    fn map(&self, value: &Tree) -> Vec<Vec<f64>> {
-        let (width, height) = self.size();
+    fn map(&self, value: &Tree, grid: Grid) -> Vec<Vec<f64>> {
+        let [width, height] = self.size(grid);
         let rows = (0..height).into_par_iter().map(|y| {
             let mut row = vec![Vec::with_capacity(width); value.width()];
             let mut evaluator = Evaluator::new(value, true, &self.filter.filter().constants);
@@ -86,7 +128,7 @@ impl Images<'_> {
                         Place::Side(_) => [0, 0],
                         Place::Shift(dx, dy) => [i64::from(dx), i64::from(dy)],
                     };
-                    self.read(source, x as i64 + dx, y as i64 + dy)
+                    self.read(source, grid, [x as i64 + dx, y as i64 + dy])
                 };
                 for (component, &x) in row.iter_mut().zip(evaluator.run(at)) {
                     component.push(x);
@@ -98,10 +140,11 @@ impl Images<'_> {
     }
 
     /// A weighted mean at every pixel, component by component, and its variance.
-    fn gather(&self, gather: &Gather) -> Vec<Vec<f64>> {
-        let (width, height) = self.size();
-        let of = self.map(&gather.of);
-        let variance = gather.variance.as_ref().map(|variance| self.map(variance).swap_remove(0));
+    fn gather(&self, gather: &Gather, grid: Grid) -> Vec<Vec<f64>> {
+        let [width, height] = self.size(grid);
+        let of = self.map(&gather.of, grid);
+        let variance = gather.variance.as_ref();
+        let variance = variance.map(|variance| self.map(variance, grid).swap_remove(0));
         let count = of.len() + usize::from(variance.is_some());
         let rows = (0..height).into_par_iter().map(|y| {
             let constants = &self.filter.filter().constants;
@@ -110,10 +153,10 @@ impl Images<'_> {
             for x in 0..width {
                 let mut sums = vec![0.0; count];
                 let (mut total, mut magnitude) = (0.0, 0.0);
-                for (u, v) in neighbours(self.scene, gather.window, x, y) {
+                for [u, v] in neighbours([width, height], gather.window, [x, y]) {
                     let weight = evaluator.run(|source, place| match place {
-                        Place::Side(Side::I) => self.read(source, x as i64, y as i64),
-                        Place::Side(Side::J) => self.read(source, u as i64, v as i64),
+                        Place::Side(Side::I) => self.read(source, grid, [x as i64, y as i64]),
+                        Place::Side(Side::J) => self.read(source, grid, [u as i64, v as i64]),
                         Place::Shift(..) => unreachable!("weights look at i and j alone"),
                     })[0];
                     let at = v * width + u;

@@ -216,7 +216,7 @@ pub trait Backend: Send + Sync {
     /// # Errors
     /// If that fails, or the back end runs no programs.
     fn program(&self, program: &Program) -> Result<Box<dyn Executable>, BackendError> {
-        Err(BackendError::Unsupported { backend: self.name(), stages: program.stages.len() })
+        Err(BackendError::Unsupported { backend: self.name(), stages: program.filter.stages.len() })
     }
 
     /// Makes a filter's schedule executable.

@@ -81,7 +81,8 @@ fn pixel(scene: &Scene, stage: &Gather, x: usize, y: usize) -> Exact {
     let mut sums = [0.0; 3];
     let mut brightest = [0.0f64; 3];
     let (mut total, mut magnitude) = (0.0, 0.0);
-    for (u, v) in neighbours(scene, stage.window, x, y) {
+    let size = [scene.layout().width(), scene.layout().height()];
+    for [u, v] in neighbours(size, stage.window, [x, y]) {
         let weight = weight(scene, stage, (x, y), (u, v));
         for (c, &noisy) in color_at(scene, u, v).iter().enumerate() {
             sums[c] += f64::from(noisy) * weight;
@@ -113,11 +114,10 @@ fn feature(scene: &Scene, plane: PlaneId, x: usize, y: usize) -> f64 {
 }
 
 pub(super) fn neighbours(
-    scene: &Scene,
+    [width, height]: [usize; 2],
     window: Window,
-    x: usize,
-    y: usize,
-) -> impl Iterator<Item = (usize, usize)> {
+    [x, y]: [usize; 2],
+) -> impl Iterator<Item = [usize; 2]> {
     let along = move |at: usize, end: usize| {
         let taps = 0..window.diameter();
         taps.filter_map(move |k| {
@@ -125,6 +125,5 @@ pub(super) fn neighbours(
             shifted.filter(|&p| p < end)
         })
     };
-    let (width, height) = (scene.layout().width(), scene.layout().height());
-    along(y, height).flat_map(move |v| along(x, width).map(move |u| (u, v)))
+    along(y, height).flat_map(move |v| along(x, width).map(move |u| [u, v]))
 }

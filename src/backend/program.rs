@@ -2,31 +2,42 @@
 //!
 //! The image is cut into strips of rows, which are handed to threads. A strip is computed
 //! in waves of some rows: in each, every kernel goes on as far as the next ones need it,
-//! so that what was just written is read while it is still near the processor. A pixel's
-//! value depends on nothing but its surroundings, so that strips, waves and threads change
-//! no bit.
+//! so that what was just written is read while it is still near the processor. A plane is
+//! kept as a band of rows: those that a kernel still looks at, and those of the wave. So
+//! memory does not grow with the image's height. A pixel's value depends on nothing but
+//! its surroundings, so that strips, waves and threads change no bit.
 //!
-//! Planes of a strip lie like those of the scene, so that one layout serves for both: the
-//! rows of the strip, as many rows above and below as the kernels look at, and no row that
-//! the image does not have.
+//! Rows lie like those of the scene's planes, so that one layout serves for both.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::cpu::{Frame, Sums, per_tap};
+use super::cpu::{Frame, Owed, Summer, Sums, per_tap};
 use super::{BackendError, Executable, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, holds, inside};
+use crate::expr::Feature;
+use crate::expr::feature::PlaneId;
+use crate::expr::interval::Interval;
 use crate::expr::tape::Input;
 use crate::expr::tree::{Source, StagePlane};
-use crate::plan::{Edges, GatherKernel, Kernel, MapKernel, Output, Program, Read};
+use crate::filter::Grid;
+use crate::plan::{
+    BoxKernel, Edges, GatherKernel, Kernel, MapKernel, Output, Program, Read, ResampleKernel,
+};
 use crate::scene::plane::{Layout, Lines, Plane};
 use crate::scene::{ColorScale, Scene};
 
-use super::cpu::Summer;
+/// Rows of a wave: enough that what kernels do per wave costs little, few enough that the
+/// bands of a kernel stay near the processor.
+const WAVE: usize = 8;
 
-/// Rows of a wave: enough that what kernels do per wave costs nothing.
-const WAVE: usize = 32;
+/// Results that a kernel makes before they are stored: so many as stay near the processor.
+const RESULTS: usize = 1 << 15;
+
+/// Strips are not made shorter than this: each also computes rows around it.
+const SHORTEST: usize = 64;
 
 /// Makes code of kernels.
 pub(super) trait Engine {
@@ -42,26 +53,54 @@ pub(super) trait Engine {
     fn gather(&self, kernel: &GatherKernel) -> Result<Self::Gather, BackendError>;
 }
 
+/// Rows that a map computes.
+#[derive(Clone, Copy)]
+pub(super) struct MapBlock {
+    /// How the rows of the inputs lie.
+    pub(super) layout: Layout,
+    /// How many there are.
+    pub(super) rows: usize,
+    /// Where a row's first pixel stands; at the start if there is one row.
+    pub(super) pad: usize,
+}
+
 /// Computes a map.
 pub(super) trait Mapper: Send + Sync {
-    /// Memory that a thread keeps from one row to the next.
+    /// Memory that a thread keeps from one block to the next.
     type Scratch: Default + Send;
 
-    /// Computes a row of pixels. Of every plane that is read, and of one that is 1
-    /// everywhere, `inputs` has the row from its first pixel on, and slack behind the last.
-    /// `outputs` is given result after result, `stride` values apart.
-    fn row(
+    /// Pixels that it handles at a time: rows of results are whole multiples of it.
+    fn step(&self) -> usize;
+
+    /// Computes rows of pixels. `inputs` has the rows of a plane that is 1 everywhere, and
+    /// then of every plane that is read. `outputs`, zero before, is given row after row,
+    /// and of each result after result.
+    fn rows(
         &self,
         inputs: &[&[f32]],
-        width: usize,
+        block: MapBlock,
         scratch: &mut Self::Scratch,
-        outputs: &mut Vec<f32>,
-    ) -> Result<usize, BackendError>;
+        outputs: &mut [f32],
+    ) -> Result<(), BackendError>;
 }
 
 enum Code<E: Engine> {
     Map(E::Map),
-    Gather { code: E::Gather, sums: Sums, per_tap: Vec<f32> },
+    Gather {
+        code: E::Gather,
+        sums: Sums,
+        per_tap: Vec<f32>,
+    },
+    /// One way for all back ends.
+    Own,
+}
+
+/// Who reads a plane.
+struct Reader {
+    /// Which kernel; `None` for who takes the result.
+    kernel: Option<usize>,
+    /// How many rows further up than its own it looks.
+    above: usize,
 }
 
 /// A program in executable form.
@@ -70,6 +109,8 @@ pub(super) struct Compiled<E: Engine> {
     codes: Vec<Code<E>>,
     /// Where a plane stands among a strip's.
     places: BTreeMap<StagePlane, usize>,
+    /// By place: the kernel that writes the plane, and those that read it.
+    traffic: Vec<(usize, Vec<Reader>)>,
 }
 
 impl<E: Engine> Compiled<E> {
@@ -86,46 +127,123 @@ impl<E: Engine> Compiled<E> {
                         per_tap: per_tap(&super::block::Program::new(&gather.tap), &offsets),
                     }
                 }
+                Kernel::Box(_) | Kernel::Resample(_) => Code::Own,
             })
         });
         let codes = codes.collect::<Result<_, BackendError>>()?;
-        let places = program.buffers.keys().enumerate().map(|(k, &plane)| (plane, k)).collect();
-        Ok(Self { program: program.clone(), codes, places })
+        let places: BTreeMap<StagePlane, usize> =
+            program.buffers.keys().enumerate().map(|(k, &plane)| (plane, k)).collect();
+        let mut traffic: Vec<(usize, Vec<Reader>)> =
+            places.iter().map(|_| (0, Vec::new())).collect();
+        for (k, kernel) in program.kernels.iter().enumerate() {
+            for plane in kernel.writes() {
+                traffic[places[&plane]].0 = k;
+            }
+            for look in kernel.looks() {
+                let reader = Reader { kernel: Some(k), above: look.above };
+                traffic[places[&look.plane]].1.push(reader);
+            }
+        }
+        for output in program.output {
+            if let Output::Plane(plane) = output {
+                traffic[places[&plane]].1.push(Reader { kernel: None, above: 0 });
+            }
+        }
+        Ok(Self { program: program.clone(), codes, places, traffic })
     }
 }
 
-/// A plane of a strip.
-#[derive(Default)]
-struct Stored {
-    /// With the image's edge repeated beside it.
+/// Some rows of a plane: those that are still read, and those of the wave.
+struct Band {
+    layout: Layout,
+    /// The row of the image that stands first.
+    origin: usize,
+    /// How many rows have room.
+    room: usize,
+    /// With the image's edge repeated beside it, if `edges` ask for that.
     repeated: Option<Lines>,
     /// With zeros beside it.
     zero: Option<Lines>,
+    edges: Edges,
 }
 
-impl Stored {
+impl Band {
+    fn new(layout: Layout, edges: Edges) -> Self {
+        let lines = |wanted: bool| wanted.then(|| Lines::zeros(0));
+        let Edges { repeated, zero } = edges;
+        Self {
+            edges,
+            layout,
+            origin: 0,
+            room: 0,
+            repeated: lines(repeated || !zero),
+            zero: lines(zero),
+        }
+    }
+
+    fn sides(&mut self) -> impl Iterator<Item = &mut Lines> {
+        self.repeated.iter_mut().chain(&mut self.zero)
+    }
+
+    /// Makes room for rows of the image, and keeps those of them that are there.
+    fn hold(&mut self, rows: Range<usize>) {
+        if rows.end <= self.origin + self.room && rows.start >= self.origin {
+            return;
+        }
+        let (stride, old, room) = (self.layout.stride(), self.origin, self.room);
+        let kept = rows.start.max(old)..rows.end.min(old + room).max(rows.start.max(old));
+        let (from, to) = ((kept.start - old + 1) * stride, (kept.start - rows.start + 1) * stride);
+        let length = kept.len() * stride;
+        if rows.len() > room {
+            // Twice as many as needed, so that rows seldom have to move.
+            self.room = 2 * rows.len();
+            // A row of slack at both ends, for who looks beside the first and last pixel.
+            let samples = (self.room + 2) * stride;
+            for side in self.sides() {
+                let mut grown = Lines::zeros(samples);
+                if room > 0 {
+                    grown[to..to + length].copy_from_slice(&side[from..from + length]);
+                }
+                *side = grown;
+            }
+        } else {
+            self.sides().for_each(|side| side.copy_within(from..from + length, to));
+        }
+        self.origin = rows.start;
+    }
+
+    /// Where a row of the image begins.
+    fn start(&self, row: usize) -> usize {
+        (row + 1 - self.origin) * self.layout.stride()
+    }
+
     /// Writes a row of pixels.
-    fn write(&mut self, layout: Layout, row: usize, pixels: &[f32]) {
-        let (start, pad) = (row * layout.stride(), layout.pad());
+    fn write(&mut self, row: usize, pixels: &[f32]) {
+        let (start, pad) = (self.start(row), self.layout.pad());
         if let Some(plane) = &mut self.repeated {
-            let row = &mut plane[start..start + layout.stride()];
-            row[..pad].fill(pixels[0]);
+            let row = &mut plane[start..start + self.layout.stride()];
             row[pad..pad + pixels.len()].copy_from_slice(pixels);
-            row[pad + pixels.len()..].fill(pixels[pixels.len() - 1]);
+            if self.edges.repeated {
+                row[..pad].fill(pixels[0]);
+                row[pad + pixels.len()..].fill(pixels[pixels.len() - 1]);
+            }
         }
         if let Some(plane) = &mut self.zero {
             plane[start + pad..][..pixels.len()].copy_from_slice(pixels);
         }
     }
 
-    /// The samples, by whichever edges there are: pixels are the same.
-    fn samples(&self) -> &[f32] {
-        self.repeated.as_ref().or(self.zero.as_ref()).expect("a stored plane has samples")
+    /// The pixels of a row, by whichever edges there are: they are the same.
+    fn pixels(&self, row: usize) -> &[f32] {
+        let start = self.start(row) + self.layout.pad();
+        &self.looked_at()[start..][..self.layout.width()]
     }
 
     /// The samples for whoever looks at them.
     fn looked_at(&self) -> &[f32] {
-        self.repeated.as_ref().expect("the schedule says who looks at what")
+        // Who reads no other column takes any edges.
+        let plane = self.repeated.as_ref().or(self.zero.as_ref());
+        plane.expect("a band has samples")
     }
 
     /// The samples for whoever averages them.
@@ -151,12 +269,47 @@ impl<E: Engine> Default for Scratch<E> {
 struct Strip<'a> {
     scene: &'a Scene,
     /// The rows of the image that the result needs.
-    rows: std::ops::Range<usize>,
-    /// Which row of the image the planes' first row is.
-    origin: usize,
-    layout: Layout,
-    planes: Vec<Stored>,
+    rows: Range<usize>,
+    bands: Vec<Band>,
+    /// One everywhere, zero beside the image, on the full grid and on the half one.
+    ones: [Band; 2],
+    /// By kernel: what its rows owe to those below.
+    owed: Vec<Owed>,
+    /// Pixels whose weights could not be trusted, of all gathers.
     kept: usize,
+}
+
+impl Strip<'_> {
+    /// How the rows of a grid lie.
+    fn layout(&self, grid: Grid) -> Layout {
+        self.ones[usize::from(grid == Grid::Half)].layout
+    }
+
+    /// Rows of ones, as many as were made.
+    fn ones(&self, grid: Grid) -> &[f32] {
+        let ones = &self.ones[usize::from(grid == Grid::Half)];
+        &ones.averaged()[ones.start(0)..]
+    }
+
+    /// Makes so many rows of ones, unless they are there.
+    fn make_ones(&mut self, grid: Grid, rows: usize) {
+        let ones = &mut self.ones[usize::from(grid == Grid::Half)];
+        if rows > ones.room {
+            ones.hold(0..rows);
+            let row = vec![1.0; ones.layout.width()];
+            (0..ones.room).for_each(|y| ones.write(y, &row));
+        }
+    }
+}
+
+/// How planes of a grid lie.
+fn on_grid(layout: Layout, grid: Grid) -> Layout {
+    match grid {
+        Grid::Full => layout,
+        Grid::Half => {
+            Layout::new(grid.along(layout.width()), grid.along(layout.height()), layout.pad())
+        }
+    }
 }
 
 impl<E: Engine> Executable for Compiled<E>
@@ -176,7 +329,7 @@ where
         }
         let threads = rayon::current_num_threads();
         let strips = region.iter().filter(|rect| rect.width > 0).flat_map(|&rect| {
-            let height = rect.height.div_ceil(threads).max(WAVE);
+            let height = rect.height.div_ceil(threads).max(SHORTEST);
             (0..rect.height).step_by(height).map(move |y| Rect {
                 y: rect.y + y,
                 height: height.min(rect.height - y),
@@ -184,16 +337,21 @@ where
             })
         });
         let strips: Vec<Rect> = strips.collect();
-        let parts: Vec<Filtered> = strips
-            .par_iter()
-            .map_init(Scratch::<E>::default, |scratch, &rect| self.strip(scene, rect, scratch))
-            .collect::<Result<_, BackendError>>()?;
-        let mut whole = Filtered::default();
-        for part in parts {
-            whole.pixels.extend(part.pixels);
-            whole.kept += part.kept;
-        }
-        Ok(vec![whole])
+        let mut pixels = vec![[0.0; 3]; strips.iter().map(Rect::pixels).sum()];
+        let mut rest = pixels.as_mut_slice();
+        let parts = strips.iter().map(|rect| {
+            let (part, after) = std::mem::take(&mut rest).split_at_mut(rect.pixels());
+            rest = after;
+            (*rect, part)
+        });
+        let parts: Vec<(Rect, &mut [[f32; 3]])> = parts.collect();
+        let kept = parts
+            .into_par_iter()
+            .map_init(Scratch::<E>::default, |scratch, (rect, pixels)| {
+                self.strip(scene, rect, pixels, scratch)
+            })
+            .collect::<Result<Vec<usize>, BackendError>>()?;
+        Ok(vec![Filtered { pixels, kept: kept.into_iter().sum() }])
     }
 }
 
@@ -202,47 +360,77 @@ impl<E: Engine> Compiled<E> {
         &self,
         scene: &Scene,
         rect: Rect,
+        mut pixels: &mut [[f32; 3]],
         scratch: &mut Scratch<E>,
-    ) -> Result<Filtered, BackendError> {
-        let (height, program) = (scene.layout().height(), &self.program);
-        let halo = program.kernels.iter().map(Kernel::halo).max().unwrap_or(0);
-        // A gather reads beyond the rows that it computes.
-        let most = halo + program.reach;
-        let origin = rect.y.saturating_sub(most);
-        let end = (rect.y + rect.height + most).min(height);
-        let layout = scene.layout().with_height(end - origin);
-        let lines = |wanted: bool| wanted.then(|| Lines::zeros(layout.samples()));
-        let plane = |&Edges { repeated, zero }: &Edges| {
-            // What nobody looks at or averages is written all the same.
-            let repeated = lines(repeated || !zero);
-            Stored { repeated, zero: lines(zero) }
-        };
-        let planes = program.buffers.values().map(plane).collect();
+    ) -> Result<usize, BackendError> {
+        let (layout, program) = (scene.layout(), &self.program);
+        let height = layout.height();
         let rows = rect.y..rect.y + rect.height;
-        let mut strip = Strip { scene, rows: rows.clone(), origin, layout, planes, kept: 0 };
-
-        let mut done: Vec<usize> =
-            program.kernels.iter().map(|kernel| rect.y.saturating_sub(kernel.halo())).collect();
-        for wave in rows.clone().step_by(WAVE) {
-            let bottom = (wave + WAVE).min(rows.end);
-            for ((kernel, code), done) in program.kernels.iter().zip(&self.codes).zip(&mut done) {
-                let next = (bottom + kernel.halo()).min(height);
+        let band = |plane: &StagePlane, &edges: &Edges| {
+            let (writer, _) = self.traffic[self.place(*plane)];
+            Band::new(on_grid(layout, program.kernels[writer].grid()), edges)
+        };
+        let zero = Edges { repeated: false, zero: true };
+        let mut strip = Strip {
+            scene,
+            rows: rows.clone(),
+            bands: program.buffers.iter().map(|(plane, edges)| band(plane, edges)).collect(),
+            ones: [Grid::Full, Grid::Half].map(|grid| Band::new(on_grid(layout, grid), zero)),
+            owed: program.kernels.iter().map(|_| Owed::default()).collect(),
+            kept: 0,
+        };
+        let first = program.needed(rows.start..rows.start + 1, height);
+        let mut done: Vec<usize> = first.into_iter().map(|rows| rows.start).collect();
+        for top in rows.clone().step_by(WAVE) {
+            let bottom = (top + WAVE).min(rows.end);
+            let needed = program.needed(rows.start..bottom, height);
+            for (band, (writer, readers)) in strip.bands.iter_mut().zip(&self.traffic) {
+                let first = readers.iter().map(|reader| match reader.kernel {
+                    None => top,
+                    Some(k) => {
+                        let rows = done[k]..needed[k].end.max(done[k]);
+                        let stands = program.kernels[k].stands(rows, height);
+                        stands.start.saturating_sub(reader.above)
+                    }
+                });
+                // A wave may need no further row of a plane of half the resolution.
+                let end = needed[*writer].end.max(done[*writer]);
+                let first = first.min().unwrap_or(end).min(done[*writer]);
+                band.hold(first..end.max(first + 1));
+            }
+            for (k, (kernel, code)) in program.kernels.iter().zip(&self.codes).enumerate() {
+                let part = done[k]..needed[k].end;
+                if part.is_empty() {
+                    continue;
+                }
+                done[k] = part.end;
                 match (kernel, code) {
                     (Kernel::Map(kernel), Code::Map(code)) => {
-                        self.map(kernel, code, *done..next, &mut strip, scratch)?;
+                        self.map(kernel, code, part, &mut strip, scratch)?;
                     }
                     (Kernel::Gather(kernel), Code::Gather { code, sums, per_tap }) => {
-                        let part = *done..next;
-                        self.gather(kernel, (code, sums, per_tap), part, &mut strip, scratch)?;
+                        let mut owed = std::mem::take(&mut strip.owed[k]);
+                        let code = (code, sums, per_tap.as_slice());
+                        let width = strip.layout(kernel.grid).width();
+                        let most = (RESULTS / (sums.results() * width)).max(1);
+                        for y in part.clone().step_by(most) {
+                            let rows = y..(y + most).min(part.end);
+                            self.gather(kernel, code, rows, &mut strip, &mut owed, scratch)?;
+                        }
+                        strip.owed[k] = owed;
                     }
-                    (Kernel::Map(_), Code::Gather { .. }) | (Kernel::Gather(_), Code::Map(_)) => {
+                    (Kernel::Box(kernel), _) => self.mean(kernel, part, &mut strip),
+                    (Kernel::Resample(kernel), _) => self.resample(kernel, part, &mut strip),
+                    (Kernel::Map(_) | Kernel::Gather(_), _) => {
                         unreachable!("codes stand in the order of their kernels")
                     }
                 }
-                *done = next;
             }
+            let (wave, rest) = pixels.split_at_mut((bottom - top) * rect.width);
+            pixels = rest;
+            self.take(&strip, Rect { y: top, height: bottom - top, ..rect }, wave);
         }
-        Ok(self.result(&strip, rect))
+        Ok(strip.kept)
     }
 
     fn place(&self, plane: StagePlane) -> usize {
@@ -253,60 +441,77 @@ impl<E: Engine> Compiled<E> {
         &self,
         kernel: &MapKernel,
         code: &E::Map,
-        rows: std::ops::Range<usize>,
+        rows: Range<usize>,
         strip: &mut Strip<'_>,
         scratch: &mut Scratch<E>,
     ) -> Result<(), BackendError> {
-        let (layout, scene) = (strip.layout, strip.scene);
-        let width = layout.width();
+        let layout = strip.layout(kernel.grid);
+        let (width, stride, pad) = (layout.width(), layout.stride(), layout.pad());
+        strip.make_ones(kernel.grid, rows.len());
         // Planes that are one number everywhere have no rows.
         let flat: Vec<Option<Vec<f32>>> = kernel
             .reads
             .iter()
             .map(|read| match read.source {
-                Source::Feature(id) => match scene.plane(id) {
-                    Some(Plane::Constant(x)) => Some(vec![*x; layout.stride()]),
+                Source::Feature(id) => match strip.scene.plane(id) {
+                    Some(Plane::Constant(x)) => Some(vec![*x; stride * rows.len()]),
                     Some(Plane::Samples(_)) | None => None,
                 },
                 Source::Stage(_) => None,
             })
             .collect();
-        for y in rows {
-            let last = scene.layout().height() - 1;
-            let row = |&Read { source, shift: [dx, dy] }: &Read, flat: &'_ Option<Vec<f32>>| {
-                let row = y.saturating_add_signed(dy.into()).min(last);
-                let start = |row: usize| {
-                    (row * layout.stride() + layout.pad()).wrapping_add_signed(dx.into())
-                };
+        // Rows whose surroundings lie inside of the image are computed in one go; what
+        // stands beside the first pixel of all, or the last, is in no row.
+        let shifts = || kernel.reads.iter().map(|read| read.shift);
+        let beside = usize::from(shifts().any(|[dx, _]| dx != 0));
+        let [above, below] = [-1, 1].map(|sign| {
+            let far = shifts().map(|[_, dy]| (sign * i32::from(dy)).max(0)).max();
+            far.unwrap_or(0) as usize
+        });
+        let middle = above + beside..layout.height().saturating_sub(below + beside);
+        let results = width.next_multiple_of(code.step());
+        let most = (RESULTS / (kernel.writes.len() * results)).max(1);
+        let mut y = rows.start;
+        while y < rows.end {
+            let count = match middle.contains(&y) {
+                true => (middle.end.min(rows.end) - y).min(most),
+                false => 1,
+            };
+            // A single row begins with its first pixel, several with their padding: a plane
+            // may end with the last one's.
+            let skipped = if count == 1 { pad } else { 0 };
+            let inputs = kernel.reads.iter().zip(&flat).map(|(read, flat)| {
+                let Read { source, shift: [dx, dy] } = *read;
+                let row = y.saturating_add_signed(dy.into()).min(layout.height() - 1);
+                let beside = |start: usize| (start + skipped).wrapping_add_signed(dx.into());
                 match (source, flat) {
-                    (_, Some(_)) => None,
+                    (_, Some(flat)) => flat.as_slice(),
                     (Source::Feature(id), None) => {
-                        let Some(Plane::Samples(samples)) = scene.plane(id) else {
+                        let Some(Plane::Samples(samples)) = strip.scene.plane(id) else {
                             unreachable!("run() asked for every plane, and flat ones are apart")
                         };
-                        Some(&samples.as_slice()[start(row)..])
+                        &samples.as_slice()[beside(row * stride)..]
                     }
                     (Source::Stage(plane), None) => {
-                        let place = self.place(plane);
-                        Some(&strip.planes[place].looked_at()[start(row - strip.origin)..])
+                        let band = &strip.bands[self.place(plane)];
+                        &band.looked_at()[beside(band.start(row))..]
                     }
                 }
-            };
-            let ones = &scene.ones().as_slice()[y * layout.stride() + layout.pad()..];
-            let mut inputs: Vec<&[f32]> = Vec::with_capacity(kernel.reads.len() + 1);
-            inputs.push(ones);
-            for (read, flat) in kernel.reads.iter().zip(&flat) {
-                inputs.push(match row(read, flat) {
-                    Some(samples) => samples,
-                    None => flat.as_deref().expect("what has no rows is flat"),
-                });
-            }
+            });
+            let ones = &strip.ones(kernel.grid)[skipped..];
+            let inputs: Vec<&[f32]> = std::iter::once(ones).chain(inputs).collect();
             let outputs = &mut scratch.outputs;
-            let stride = code.row(&inputs, width, &mut scratch.maps, outputs)?;
-            for (&plane, pixels) in kernel.writes.iter().zip(outputs.chunks_exact(stride)) {
-                let place = self.place(plane);
-                strip.planes[place].write(layout, y - strip.origin, &pixels[..width]);
+            outputs.clear();
+            outputs.resize(count * kernel.writes.len() * results, 0.0);
+            let block = MapBlock { layout, rows: count, pad: pad - skipped };
+            code.rows(&inputs, block, &mut scratch.maps, outputs)?;
+            let mut outputs = outputs.chunks_exact(results);
+            for row in y..y + count {
+                for (&plane, pixels) in kernel.writes.iter().zip(&mut outputs) {
+                    strip.bands[self.place(plane)].write(row, &pixels[..width]);
+                }
             }
+            y += count;
         }
         Ok(())
     }
@@ -315,25 +520,27 @@ impl<E: Engine> Compiled<E> {
         &self,
         kernel: &GatherKernel,
         (code, sums, per_tap): (&E::Gather, &Sums, &[f32]),
-        rows: std::ops::Range<usize>,
+        rows: Range<usize>,
         strip: &mut Strip<'_>,
+        owed: &mut Owed,
         scratch: &mut Scratch<E>,
     ) -> Result<(), BackendError> {
-        let (layout, scene, origin) = (strip.layout, strip.scene, strip.origin);
-        let width = layout.width();
-        let window = origin * layout.stride()..(origin + layout.height()) * layout.stride();
-        let features = kernel.pair.inputs().filter_map(|input| match input {
-            Input::Plane(id, _) => Some(id),
-            Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) | Input::Signal(..) => None,
-        });
-        let mut planes: Vec<(crate::expr::PlaneId, Cow<'_, [f32]>)> = Vec::new();
-        for id in features {
+        let whole = strip.layout(kernel.grid);
+        let (width, stride) = (whole.width(), whole.stride());
+        // The rows that the window reaches are an image of their own.
+        let top = rows.start.saturating_sub(kernel.reach);
+        let layout = whole.with_height((rows.end + kernel.reach).min(whole.height()) - top);
+        strip.make_ones(kernel.grid, layout.height());
+        let window = top * stride..(top + layout.height()) * stride;
+        let mut planes: Vec<(PlaneId, Cow<'_, [f32]>)> = Vec::new();
+        for input in kernel.pair.inputs() {
+            let Input::Plane(id, _) = input else { continue };
             if planes.iter().any(|(known, _)| *known == id) {
                 continue;
             }
             planes.push((
                 id,
-                match scene.plane(id) {
+                match strip.scene.plane(id) {
                     Some(Plane::Samples(samples)) => {
                         Cow::Borrowed(&samples.as_slice()[window.clone()])
                     }
@@ -342,13 +549,17 @@ impl<E: Engine> Compiled<E> {
                 },
             ));
         }
-        let variance = kernel.variance.iter().map(|(source, ..)| source);
-        let averaged = kernel.channels.iter().chain(variance);
-        let averaged: Vec<usize> = averaged.map(|&plane| self.place(plane)).collect();
-        let mut channels: Vec<&[f32]> =
-            averaged.iter().map(|&place| strip.planes[place].averaged()).collect();
-        channels.push(&scene.ones().as_slice()[window]);
-        let signals = kernel.reads.iter().map(|&plane| strip.planes[self.place(plane)].looked_at());
+        let averaged = |plane: StagePlane| {
+            let band = &strip.bands[self.place(plane)];
+            &band.averaged()[band.start(top)..]
+        };
+        let mut channels: Vec<&[f32]> = kernel.channels.iter().map(|&p| averaged(p)).collect();
+        channels.push(strip.ones(kernel.grid));
+        channels.extend(kernel.variance.iter().map(|&(source, ..)| averaged(source)));
+        let signals = kernel.reads.iter().map(|&plane| {
+            let band = &strip.bands[self.place(plane)];
+            &band.looked_at()[band.start(top)..]
+        });
         let frame = Frame {
             layout,
             channels,
@@ -357,75 +568,261 @@ impl<E: Engine> Compiled<E> {
             per_pixel: Vec::new(),
             per_tap: Vec::new(),
         };
-        let rect = Rect { x: 0, y: rows.start - origin, width, height: rows.len() };
-        let shape = sums.add(code, &frame, per_tap, rect, &mut scratch.gathers)?;
+        let rect = Rect { x: 0, y: rows.start - top, width, height: rows.len() };
+        let shape = sums.add(code, &frame, per_tap, rect, Some(owed), &mut scratch.gathers)?;
 
         let results = sums.results();
         let made = scratch.gathers.sums();
         let count = kernel.channels.len();
-        let per_weight = averaged.len() + 1 + usize::from(kernel.signed);
-        let mut means = vec![vec![0.0f32; width]; count + 1];
-        for row in 0..rect.height {
+        let step = kernel.grid.step();
+        let mut means = vec![0.0f32; width];
+        let mut trusted = vec![false; width];
+        for y in rows.clone() {
             let result = |number: usize| {
-                let start = (row * results + number) * shape.stride + shape.first;
+                let start = ((y - rows.start) * results + number) * shape.stride + shape.first;
                 &made[start..start + width]
             };
-            let total = result(averaged.len());
-            let magnitude = if kernel.signed { result(averaged.len() + 1) } else { total };
-            let own = |channel: usize| {
-                let samples = strip.planes[averaged[channel]].samples();
-                &samples[layout.index(0, rect.y + row)..][..width]
-            };
-            let trusted = |k: usize| {
-                let sum = total[k].abs();
-                sum >= TRUSTED_SUM.max(TRUSTED_SHARE * magnitude[k]) && sum.is_finite()
-            };
-            for (channel, (_, range)) in kernel.writes.iter().enumerate() {
-                let (sum, own) = (result(channel), own(channel));
-                for (k, mean) in means[channel].iter_mut().enumerate() {
-                    let value = sum[k] / total[k];
-                    let kept = !trusted(k) || !value.is_finite();
-                    *mean = if kept { own[k] } else { value.clamp(range.lo, range.hi) };
-                }
+            let total = result(count);
+            let magnitude = if kernel.signed { result(count + 1) } else { total };
+            let trust = Trust { totals: total, magnitudes: magnitude, trusted: &mut trusted };
+            pulp::Arch::new().dispatch(trust);
+            if strip.rows.contains(&(y * step)) {
+                strip.kept += trusted.iter().filter(|&&trusted| !trusted).count();
             }
-            if let Some((.., range)) = &kernel.variance {
-                let (sum, own) = (result(per_weight + count), own(count));
-                for (k, mean) in means[count].iter_mut().enumerate() {
-                    let value = sum[k] / total[k] / total[k];
-                    let kept = !trusted(k) || !value.is_finite();
-                    *mean = if kept { own[k] } else { value.clamp(range.lo, range.hi) };
-                }
-            }
-            if strip.rows.contains(&(origin + rect.y + row)) {
-                strip.kept += (0..width).filter(|&k| !trusted(k)).count();
-            }
-            let variance = kernel.variance.iter().map(|&(_, plane, _)| plane);
-            let targets = kernel.writes.iter().map(|&(plane, _)| plane).chain(variance);
-            for (target, mean) in targets.zip(&means) {
-                let place = self.place(target);
-                strip.planes[place].write(layout, rect.y + row, mean);
+            let planes = kernel.channels.iter().zip(&kernel.writes).enumerate();
+            let planes = planes.map(|(k, (&own, &(plane, range)))| (k, own, plane, range, false));
+            let variance = kernel.variance.iter().map(|&(own, plane, range)| {
+                (count + 1 + usize::from(kernel.signed), own, plane, range, true)
+            });
+            for (number, own, plane, range, squared) in planes.chain(variance) {
+                let own = strip.bands[self.place(own)].pixels(y);
+                let (sums, totals, trusted, means) =
+                    (result(number), total, &trusted, &mut means[..]);
+                let mean = Mean { sums, totals, squared, own, trusted, range, means };
+                pulp::Arch::new().dispatch(mean);
+                strip.bands[self.place(plane)].write(y, &means);
             }
         }
         Ok(())
     }
 
-    /// The colours of a strip, in the units of the file.
-    fn result(&self, strip: &Strip<'_>, rect: Rect) -> Filtered {
-        let exposure = strip.scene.normalization().exposure;
-        let channels = self.program.output.map(|output| match output {
-            Output::Constant(x) => Err(x),
-            Output::Plane(plane) => Ok(strip.planes[self.place(plane)].samples()),
-        });
-        let mut pixels = Vec::with_capacity(rect.pixels());
-        for y in rect.y..rect.y + rect.height {
-            for x in rect.x..rect.x + rect.width {
-                let at = strip.layout.index(x, y - strip.origin);
-                pixels.push(channels.map(|channel| match channel {
-                    Ok(samples) => samples[at] * exposure,
-                    Err(x) => x * exposure,
-                }));
+    fn mean(&self, kernel: &BoxKernel, rows: Range<usize>, strip: &mut Strip<'_>) {
+        let layout = strip.layout(kernel.grid);
+        let (width, height, pad) = (layout.width(), layout.height(), layout.pad());
+        let (reach, step) = (kernel.window.reach() as usize, kernel.window.dilation as usize);
+        let inside = |at: usize, end: usize| {
+            let taps =
+                (0..kernel.window.diameter()).map(move |k| (at + k * step).checked_sub(reach));
+            taps.flatten().filter(move |&at| at < end)
+        };
+        let columns: Vec<f32> = (0..width).map(|x| inside(x, width).count() as f32).collect();
+        let (mut sums, mut means) = (vec![0.0; width + 2 * reach], vec![0.0; width]);
+        for y in rows {
+            let count = inside(y, height).count() as f32;
+            for (&channel, &(plane, range)) in kernel.channels.iter().zip(&kernel.writes) {
+                let band = &strip.bands[self.place(channel)];
+                sums.fill(0.0);
+                for y in inside(y, height) {
+                    let row = &band.averaged()[band.start(y) + pad - reach..];
+                    pulp::Arch::new().dispatch(Add { to: &mut sums, from: row });
+                }
+                means.fill(0.0);
+                for first in (0..kernel.window.diameter()).map(|k| k * step) {
+                    pulp::Arch::new().dispatch(Add { to: &mut means, from: &sums[first..] });
+                }
+                for (mean, columns) in means.iter_mut().zip(&columns) {
+                    *mean = (*mean / (columns * count)).clamp(range.lo, range.hi);
+                }
+                strip.bands[self.place(plane)].write(y, &means);
             }
         }
-        Filtered { pixels, kept: strip.kept }
+    }
+
+    fn resample(&self, kernel: &ResampleKernel, rows: Range<usize>, strip: &mut Strip<'_>) {
+        let layout = strip.layout(kernel.grid);
+        let source = strip.layout(match kernel.grid {
+            Grid::Full => Grid::Half,
+            Grid::Half => Grid::Full,
+        });
+        let last = source.height() - 1;
+        let mut pixels = vec![0.0f32; layout.width()];
+        let mut between = vec![0.0f32; source.width() + 2];
+        for y in rows {
+            let row = |y: usize| match kernel.reads {
+                Source::Stage(plane) => {
+                    let band = &strip.bands[self.place(plane)];
+                    Some(&band.looked_at()[band.start(y.min(last)) + source.pad() - 1..])
+                }
+                Source::Feature(id) => match strip.scene.plane(id) {
+                    Some(Plane::Samples(samples)) => {
+                        Some(&samples.as_slice()[source.index(0, y.min(last)) - 1..])
+                    }
+                    Some(Plane::Constant(_)) | None => None,
+                },
+            };
+            match kernel.grid {
+                Grid::Half => match kernel.reads {
+                    // The middle of two pixels, also where there is one.
+                    Source::Feature(PlaneId { feature: Feature::Pixel, component, .. }) => {
+                        for (x, pixel) in pixels.iter_mut().enumerate() {
+                            *pixel = 2.0 * [x, y][usize::from(component)] as f32 + 0.5;
+                        }
+                    }
+                    Source::Feature(id)
+                        if matches!(strip.scene.plane(id), Some(Plane::Constant(_))) =>
+                    {
+                        let Some(&Plane::Constant(x)) = strip.scene.plane(id) else {
+                            unreachable!()
+                        };
+                        pixels.fill(x);
+                    }
+                    Source::Feature(_) | Source::Stage(_) => {
+                        let [upper, lower] = [2 * y, 2 * y + 1].map(|y| row(y).expect("samples"));
+                        let (upper, lower, pixels) = (&upper[1..], &lower[1..], &mut pixels);
+                        pulp::Arch::new().dispatch(Halve { upper, lower, pixels });
+                    }
+                },
+                Grid::Full => {
+                    // Pixels of half the resolution whose middles lie around this one's.
+                    let nearest = y / 2;
+                    let other = if y % 2 == 0 { nearest.saturating_sub(1) } else { nearest + 1 };
+                    let [nearest, other] = [nearest, other].map(|y| row(y).expect("samples"));
+                    let (between, pixels) = (&mut between, &mut pixels);
+                    pulp::Arch::new().dispatch(Double { nearest, other, between, pixels });
+                }
+            }
+            strip.bands[self.place(kernel.writes)].write(y, &pixels);
+        }
+    }
+
+    /// Takes the colours of a wave, in the units of the file.
+    fn take(&self, strip: &Strip<'_>, rect: Rect, pixels: &mut [[f32; 3]]) {
+        let exposure = strip.scene.normalization().exposure;
+        for (y, row) in (rect.y..).zip(pixels.chunks_exact_mut(rect.width)) {
+            for (component, output) in self.program.output.into_iter().enumerate() {
+                match output {
+                    Output::Constant(x) => {
+                        row.iter_mut().for_each(|pixel| pixel[component] = x * exposure);
+                    }
+                    Output::Plane(plane) => {
+                        let samples = &strip.bands[self.place(plane)].pixels(y)[rect.x..];
+                        let pixels = row.iter_mut().zip(samples);
+                        pixels.for_each(|(pixel, x)| pixel[component] = x * exposure);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Where the sums of weights can be relied on.
+struct Trust<'a> {
+    totals: &'a [f32],
+    magnitudes: &'a [f32],
+    trusted: &'a mut [bool],
+}
+
+impl pulp::WithSimd for Trust<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let sums = self.totals.iter().zip(self.magnitudes);
+        for (trusted, (total, magnitude)) in self.trusted.iter_mut().zip(sums) {
+            let sum = total.abs();
+            *trusted = sum >= TRUSTED_SUM.max(TRUSTED_SHARE * magnitude) && sum.is_finite();
+        }
+    }
+}
+
+/// Sums by weights as means, or as variances of means; what was averaged stays where the
+/// weights cannot be trusted.
+struct Mean<'a> {
+    sums: &'a [f32],
+    totals: &'a [f32],
+    squared: bool,
+    own: &'a [f32],
+    trusted: &'a [bool],
+    range: Interval,
+    means: &'a mut [f32],
+}
+
+impl pulp::WithSimd for Mean<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Interval { lo, hi } = self.range;
+        let sums = self.sums.iter().zip(self.totals).zip(self.own).zip(self.trusted);
+        for (mean, (((&sum, &total), &own), &trusted)) in self.means.iter_mut().zip(sums) {
+            let once = sum / total;
+            let value = if self.squared { once / total } else { once };
+            let sound = trusted & value.is_finite();
+            *mean = if sound { value.clamp(lo, hi) } else { own };
+        }
+    }
+}
+
+/// Adds numbers to others, by whatever vectors there are.
+struct Add<'a> {
+    to: &'a mut [f32],
+    from: &'a [f32],
+}
+
+impl pulp::WithSimd for Add<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        self.to.iter_mut().zip(self.from).for_each(|(to, from)| *to += from);
+    }
+}
+
+/// The means of two by two pixels: within the range of the four.
+struct Halve<'a> {
+    upper: &'a [f32],
+    lower: &'a [f32],
+    pixels: &'a mut [f32],
+}
+
+impl pulp::WithSimd for Halve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let (upper, lower) = (self.upper.as_chunks::<2>().0, self.lower.as_chunks::<2>().0);
+        for ((pixel, [a, b]), [c, d]) in self.pixels.iter_mut().zip(upper).zip(lower) {
+            *pixel = 0.25 * ((a + b) + (c + d));
+        }
+    }
+}
+
+/// What lies between pixels, a quarter of the way: within the range of the four. Rows begin
+/// one pixel before the first.
+struct Double<'a> {
+    nearest: &'a [f32],
+    other: &'a [f32],
+    /// Memory for what lies between the rows.
+    between: &'a mut [f32],
+    pixels: &'a mut [f32],
+}
+
+impl pulp::WithSimd for Double<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { nearest, other, between, pixels } = self;
+        let quarter = |near: f32, far: f32| near + 0.25 * (far - near);
+        for ((between, near), far) in between.iter_mut().zip(nearest).zip(other) {
+            *between = quarter(*near, *far);
+        }
+        let (pairs, last) = pixels.as_chunks_mut::<2>();
+        for (pair, around) in pairs.iter_mut().zip(between.windows(3)) {
+            *pair = [quarter(around[1], around[0]), quarter(around[1], around[2])];
+        }
+        if let ([pixel], Some([left, here, ..])) = (last, between.last_chunk::<3>()) {
+            *pixel = quarter(*here, *left);
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! What the search minimises.
 
-use super::race::{Entrant, Ruling, Verdict};
+use super::individual::Verdict;
+use super::race::{Entrant, Ruling};
 use crate::expr::Tree;
 
 /// Judges expressions (Section 4.3 of the paper): lower is better.

@@ -103,7 +103,7 @@ pub fn csv(rows: &[Row]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evolve::race::Verdict;
+    use crate::evolve::individual::Verdict;
 
     #[test]
     fn a_row_has_a_cell_per_column() {

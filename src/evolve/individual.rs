@@ -5,8 +5,30 @@ use std::cmp::Ordering;
 use serde::{Deserialize, Serialize};
 
 use super::encoding;
-use super::race::Verdict;
 use crate::expr::Tree;
+
+/// What came of a race for one entrant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// It was judged in full: its fitness.
+    Full(f64),
+    /// It was dropped: an estimate of its fitness, no better than the bar's.
+    Dropped(f64),
+}
+
+impl Verdict {
+    /// What it is selected by.
+    pub fn value(self) -> f64 {
+        match self {
+            Self::Full(value) | Self::Dropped(value) => value,
+        }
+    }
+
+    /// Whether it was judged in full.
+    pub fn is_full(self) -> bool {
+        matches!(self, Self::Full(_))
+    }
+}
 
 /// A judged expression.
 ///

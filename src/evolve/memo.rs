@@ -4,8 +4,8 @@ use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::canonical::canonical;
-use super::individual::Individual;
-use super::race::{Bar, Entrant, Verdict};
+use super::individual::{Individual, Verdict};
+use super::race::{Bar, Entrant};
 use crate::expr::Tree;
 
 /// The verdict on every expression judged so far. The keys are canonical trees

@@ -13,7 +13,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::canonical::canonical;
-use super::individual::Individual;
+use super::individual::{Individual, Verdict};
 use crate::expr::Tree;
 
 /// What an expression has to beat.
@@ -32,29 +32,6 @@ pub struct Entrant<'a> {
     pub tree: &'a Tree,
     /// What it is held to; without a bar it is judged in full.
     pub bar: Option<Bar<'a>>,
-}
-
-/// What came of a race for one entrant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Verdict {
-    /// It was judged in full: its fitness.
-    Full(f64),
-    /// It was dropped: an estimate of its fitness, no better than the bar's.
-    Dropped(f64),
-}
-
-impl Verdict {
-    /// What it is selected by.
-    pub fn value(self) -> f64 {
-        match self {
-            Self::Full(value) | Self::Dropped(value) => value,
-        }
-    }
-
-    /// Whether it was judged in full.
-    pub fn is_full(self) -> bool {
-        matches!(self, Self::Full(_))
-    }
 }
 
 /// A verdict and what it took.

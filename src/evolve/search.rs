@@ -11,11 +11,11 @@ use super::error::Error;
 use super::event::Event;
 use super::fitness::Fitness;
 use super::history::{Course, Row};
-use super::individual::Individual;
+use super::individual::{Individual, Verdict};
 use super::islands::{Population, migrate};
 use super::materials::Materials;
 use super::memo::Newcomer;
-use super::race::{Entrant, Ruling, Verdict, Work, bar};
+use super::race::{Entrant, Ruling, Work, bar};
 use super::settings::Settings;
 use crate::expr::Tree;
 

@@ -3,11 +3,15 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::Error;
-use super::images;
 use crate::expr::Tree;
 use crate::expr::grammar::Primitives;
 use crate::plan::Precision;
 use crate::scene::metric::Measure;
+
+/// Expressions in one plan, unless told otherwise. A population bred for twenty
+/// generations takes 0.53 of its time one by one in plans of 4, 0.42 in plans of 8 and of
+/// 16, and 0.36 to 0.38 in plans of 32, which 64 do not better.
+pub const TOGETHER: usize = 32;
 
 /// The parameters of a search. Together with the fitness they determine its
 /// result, whatever the number of threads.
@@ -171,7 +175,7 @@ impl Preset {
             share: 1.0,
             finalists: 16,
             batch: 128,
-            together: images::TOGETHER,
+            together: TOGETHER,
             racing: Racing { on: true, rungs: vec![0.02, 0.1, 0.3], bar: 0.1, deviations: 2.0 },
         };
         match self {

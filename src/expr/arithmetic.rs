@@ -5,9 +5,8 @@
 
 use super::builder::{Builder, DIVISOR_MIN, LIMIT};
 use super::derivative::{sign, unless_limited};
-use super::function::{Binary, Budget, Fast, Unary};
+use super::function::{Binary, Budget, Fast, Unary, VectorFunction, limited};
 use super::interval::Interval;
-use super::op::{VectorFunction, limited};
 use super::tape::Value;
 
 /// One correctly rounded operation.

@@ -2,7 +2,8 @@
 
 use super::constants::Constants;
 use super::feature::{Feature, PlaneId, Quantity};
-use super::op::{Form, limited};
+use super::function::limited;
+use super::op::Form;
 use super::tape::Side;
 use super::tree::{Place, Source, Symbol, Tree, Variadic};
 

@@ -1,14 +1,14 @@
 //! What a row of the operator table is made of: meaning, making, range, budget.
 //!
 //! The *meaning* is exact, in f64, and total: a finite value within
-//! ±[`LIMIT`](super::builder::LIMIT) for all finite operands. The *making* emits
+//! ±[`LIMIT`] for all finite operands. The *making* emits
 //! primitives. The *range* encloses what the made code can return. The *derivative*
 //! emits primitives too: what the meaning's derivative is, guards and clamps
 //! included ([`derivative`](super::derivative) says what that is at kinks). The
 //! *budget* says how far the made code may be from the meaning; tests measure it,
 //! and no test has a tolerance of its own.
 
-use super::builder::Builder;
+use super::builder::{Builder, LIMIT};
 use super::interval::Interval;
 use super::tape::Value;
 
@@ -87,4 +87,31 @@ pub struct Binary {
     /// The same function in fewer primitives and with a wider budget, where there is
     /// something to be saved.
     pub short: Option<&'static Binary>,
+}
+
+/// Emits the derivatives with respect to both components of every pair, given the pairs and
+/// the function's own result.
+pub type PairDerivatives = fn(&mut Builder, &[(Value, Value)], Value) -> Vec<(Value, Value)>;
+
+/// A function of a vector at pixel i and a vector at pixel j, given as pairs of
+/// components. A narrower vector is padded with zero components.
+#[derive(Clone, Copy, Debug)]
+pub struct VectorFunction {
+    /// The exact meaning.
+    pub meaning: fn(&[(f64, f64)]) -> f64,
+    /// Emits the function of component pairs.
+    pub build: fn(&mut Builder, &[(Value, Value)]) -> Value,
+    /// Emits the derivatives by both components of every pair, given the pairs and what
+    /// `build` gave for them.
+    pub derivatives: PairDerivatives,
+    /// Whether the function looks at nothing but the components' differences,
+    /// so that both vectors may be shifted alike.
+    pub differences: bool,
+    /// How far apart meaning and code may be, for components within [-1, 1].
+    pub budget: Budget,
+}
+
+/// Clamps an exact result into ±[`LIMIT`].
+pub(super) fn limited(x: f64) -> f64 {
+    x.clamp(-f64::from(LIMIT), f64::from(LIMIT))
 }

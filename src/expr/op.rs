@@ -11,16 +11,14 @@
 //! *primitive* is only needed where the existing ones cannot make it, and then
 //! the compiler names every place that must learn it.
 //!
-//! Every operator is total: finite operands within ±[`LIMIT`] give a finite
-//! result within ±[`LIMIT`]. What happens outside the textbook domain stands in
+//! Every operator is total: finite operands within ±[`LIMIT`](super::builder::LIMIT) give a finite
+//! result within it. What happens outside the textbook domain stands in
 //! the row's `edges`.
 
 use super::arithmetic;
-use super::builder::{Builder, LIMIT};
 use super::elementary;
-use super::function::{Binary, Budget, Unary};
+use super::function::{Binary, Budget, Unary, VectorFunction};
 use super::kernels;
-use super::tape::Value;
 
 /// What kind of operand an operator takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -40,28 +38,6 @@ pub enum Syntax {
     Prefix,
     /// `left op right`, left-associative, with a binding strength.
     Infix(u8),
-}
-
-/// Emits the derivatives with respect to both components of every pair, given the pairs and
-/// the function's own result.
-pub type PairDerivatives = fn(&mut Builder, &[(Value, Value)], Value) -> Vec<(Value, Value)>;
-
-/// A function of a vector at pixel i and a vector at pixel j, given as pairs of
-/// components. A narrower vector is padded with zero components.
-#[derive(Clone, Copy, Debug)]
-pub struct VectorFunction {
-    /// The exact meaning.
-    pub meaning: fn(&[(f64, f64)]) -> f64,
-    /// Emits the function of component pairs.
-    pub build: fn(&mut Builder, &[(Value, Value)]) -> Value,
-    /// Emits the derivatives by both components of every pair, given the pairs and what
-    /// `build` gave for them.
-    pub derivatives: PairDerivatives,
-    /// Whether the function looks at nothing but the components' differences,
-    /// so that both vectors may be shifted alike.
-    pub differences: bool,
-    /// How far apart meaning and code may be, for components within [-1, 1].
-    pub budget: Budget,
 }
 
 /// What an operator computes, by the operands it takes.
@@ -237,9 +213,4 @@ impl Op {
     pub fn parse_call(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|op| op.row().syntax == Call && op.name() == name)
     }
-}
-
-/// Clamps an exact result into ±[`LIMIT`].
-pub(super) fn limited(x: f64) -> f64 {
-    x.clamp(-f64::from(LIMIT), f64::from(LIMIT))
 }

@@ -13,6 +13,8 @@
 //! Tapes are made by a [`Builder`](super::builder::Builder), which follows the
 //! [`Interval`] of every value and simplifies while it builds.
 
+use rustc_hash::FxHashMap;
+
 use super::feature::PlaneId;
 use super::interval::Interval;
 
@@ -403,6 +405,40 @@ impl Tape {
             }
         }
         renamed
+    }
+
+    /// Two tapes as one, with the first one's results before the second one's. `share` says
+    /// whether equal instructions become one; `given` says which result of the first an
+    /// input of the second is.
+    pub(crate) fn joined(
+        first: &Self,
+        second: &Self,
+        share: bool,
+        given: impl Fn(Input) -> Option<usize>,
+    ) -> Self {
+        let mut both = Self::default();
+        let mut made: FxHashMap<Instr, Value> = FxHashMap::default();
+        let mut results = Vec::with_capacity(first.results.len() + second.results.len());
+        for (tape, second) in [(first, false), (second, true)] {
+            let mut renamed: Vec<Option<Value>> = Vec::with_capacity(tape.instrs.len());
+            for (value, instr) in tape.iter() {
+                let known = match *instr {
+                    Instr::Input(input) if second => given(input).map(|k| results[k]),
+                    Instr::Input(_) | Instr::Const(_) | Instr::Prim(..) => None,
+                };
+                let new = |v: Value| renamed[v.index()].expect("operands come first");
+                let instr = instr.renamed(new);
+                let known = known.or_else(|| made.get(&instr).copied().filter(|_| share));
+                let copy =
+                    known.unwrap_or_else(|| both.push_from(tape, value, |v| renamed[v.index()]));
+                made.insert(instr, copy);
+                renamed.push(Some(copy));
+            }
+            let new = |r: &Value| renamed[r.index()].expect("results are values");
+            results.extend(tape.results.iter().map(new));
+        }
+        both.results = results;
+        both
     }
 
     /// Keeps only what the given results need.

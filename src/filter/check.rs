@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Filter, Gather, Stage, StageKind, StandIn, Window};
+use super::{Filter, Gather, Grid, Stage, StageKind, StandIn, Window};
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::expr::tape::Side;
@@ -92,6 +92,12 @@ pub enum FilterError {
         radius: u32,
         /// Its dilation.
         dilation: u32,
+    },
+    /// The result is not on the image's pixels.
+    #[error("stage `{stage}` is the filter's result, and so must be on the full grid")]
+    Grid {
+        /// Which stage.
+        stage: String,
     },
     /// What stands in for a feature cannot.
     #[error("`{feature}` cannot be replaced by that: {why}")]
@@ -190,6 +196,9 @@ impl Filter {
                 wanted: COLOR,
                 found: usize::from(last.width),
             });
+        }
+        if let Some(Stage { name, grid: Grid::Half, .. }) = self.stages.last() {
+            return Err(FilterError::Grid { stage: name.clone() });
         }
         Ok(Checked { filter: self, stages })
     }

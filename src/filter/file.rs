@@ -48,7 +48,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Checked, Filter, FilterError, Gather, Stage, StageKind, StandIn, Window};
+use super::{Checked, Filter, FilterError, Gather, Grid, Stage, StageKind, StandIn, Window};
 use crate::expr::builder::LIMIT;
 use crate::expr::constants::{Constants, Layer, Param};
 use crate::expr::feature::{Feature, Quantity};
@@ -96,7 +96,7 @@ pub enum FilterFileError {
         stages: usize,
     },
     /// A stage is neither a map nor a gather, or half of each.
-    #[error("{path}: stage `{stage}` {problem}; a map has `map` alone, a gather has `gather`, `weight` and `radius`, and may have `dilation` and `variance`", path = path.display())]
+    #[error("{path}: stage `{stage}` {problem}; a map has `map`, a gather has `gather`, `weight` and `radius`, and may have `dilation` and `variance`; both may have `grid`", path = path.display())]
     Kind {
         /// Which file.
         path: PathBuf,
@@ -231,6 +231,21 @@ struct StageText {
     dilation: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     variance: Option<String>,
+    #[serde(default, skip_serializing_if = "is_full")]
+    grid: GridText,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum GridText {
+    #[default]
+    Full,
+    Half,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_full(grid: &GridText) -> bool {
+    *grid == GridText::Full
 }
 
 fn one() -> u32 {
@@ -351,7 +366,7 @@ pub(super) fn formula(checked: &Checked<'_>, k: usize, tree: &Tree, reads: Reads
 }
 
 fn stage_text(checked: &Checked<'_>, k: usize) -> StageText {
-    let Stage { name, kind } = &checked.filter().stages[k];
+    let Stage { name, kind, grid } = &checked.filter().stages[k];
     let text = |tree: &Tree, reads: Reads| formula(checked, k, tree, reads);
     let mut written = StageText {
         name: name.clone(),
@@ -361,6 +376,10 @@ fn stage_text(checked: &Checked<'_>, k: usize) -> StageText {
         radius: None,
         dilation: None,
         variance: None,
+        grid: match grid {
+            Grid::Full => GridText::Full,
+            Grid::Half => GridText::Half,
+        },
     };
     match kind {
         StageKind::Map(value) => written.map = Some(text(value, Reads::Pixel)),
@@ -409,7 +428,11 @@ impl Reader<'_> {
         stages: &[Declared],
         later: &[String],
     ) -> Result<Stage, FilterFileError> {
-        let StageText { name, map, gather, weight, radius, dilation, variance } = text;
+        let StageText { name, map, gather, weight, radius, dilation, variance, grid } = text;
+        let grid = match grid {
+            GridText::Full => Grid::Full,
+            GridText::Half => Grid::Half,
+        };
         let formula = |key: &'static str, text: &str, reads: Reads| {
             let scope = Scope { reads, stages, later, constants: Some(constants) };
             parse_formula(text, &scope).map_err(|source| FilterFileError::Formula {
@@ -446,7 +469,7 @@ impl Reader<'_> {
             (Some(_), Some(_)) => return Err(problem("has both `map` and `gather`")),
             (None, None) => return Err(problem("has neither `map` nor `gather`")),
         };
-        Ok(Stage { name, kind })
+        Ok(Stage { name, kind, grid })
     }
 
     fn constants(

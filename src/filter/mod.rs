@@ -68,6 +68,34 @@ impl Window {
     }
 }
 
+/// The pixels that a stage has a value at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Grid {
+    /// Those of the image.
+    #[default]
+    Full,
+    /// One for every two by two of the image's, the last column and row of which may be
+    /// single. What is read from the full grid is the mean of those pixels; who reads from
+    /// the full grid what stands on this one interpolates bilinearly. Windows and places
+    /// count pixels of this grid, `offset` and `pixel` those of the image.
+    Half,
+}
+
+impl Grid {
+    /// How many pixels of this grid lie along so many of the image's.
+    pub fn along(self, pixels: usize) -> usize {
+        pixels.div_ceil(self.step())
+    }
+
+    /// Pixels of the image from one pixel of the grid to the next.
+    pub fn step(self) -> usize {
+        match self {
+            Self::Full => 1,
+            Self::Half => 2,
+        }
+    }
+}
+
 /// A weighted mean over a window: ĉ_i = Σ_j c_j w(i, j) / Σ_j w(i, j).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gather {
@@ -114,6 +142,8 @@ pub struct Stage {
     pub name: String,
     /// What it does.
     pub kind: StageKind,
+    /// Where it does so.
+    pub grid: Grid,
 }
 
 /// What stands in for a feature that a file lacks.
@@ -151,7 +181,11 @@ impl Filter {
 
     /// A filter of one gather.
     pub fn of_gather(name: impl Into<String>, gather: Gather) -> Self {
-        let stage = Stage { name: Self::RESULT.to_owned(), kind: StageKind::Gather(gather) };
+        let stage = Stage {
+            name: Self::RESULT.to_owned(),
+            kind: StageKind::Gather(gather),
+            grid: Grid::Full,
+        };
         let constants = Constants::default();
         Self { name: name.into(), stages: vec![stage], constants, absent: Vec::new() }
     }
@@ -159,7 +193,11 @@ impl Filter {
     /// The gather, if the filter is one of the paper's: one gather of the noisy colour.
     pub fn paper(&self) -> Option<&Gather> {
         match self.stages.as_slice() {
-            [Stage { kind: StageKind::Gather(gather), .. }] if gather.is_paper() => Some(gather),
+            [Stage { kind: StageKind::Gather(gather), grid: Grid::Full, .. }]
+                if gather.is_paper() =>
+            {
+                Some(gather)
+            }
             _ => None,
         }
     }

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::file::formula;
-use super::{Checked, Filter, StageKind, StandIn};
+use super::{Checked, Filter, Grid, StageKind, StandIn};
 use crate::expr::feature::Feature;
 use crate::expr::text::Reads;
 
@@ -33,6 +33,9 @@ pub fn show(checked: &Checked<'_>) -> String {
             StageKind::Map(value) => {
                 let value = formula(checked, k, value, Reads::Pixel);
                 line(&mut text, 2, &format!("{} = {value}", stage.name));
+                if stage.grid == Grid::Half {
+                    line(&mut text, 6, "at half resolution");
+                }
             }
             StageKind::Gather(gather) => {
                 let of = formula(checked, k, &gather.of, Reads::Pixel);
@@ -43,7 +46,11 @@ pub fn show(checked: &Checked<'_>) -> String {
                 };
                 line(&mut text, 2, &format!("{} = mean of {of}", stage.name));
                 let weight = formula(checked, k, &gather.weight, Reads::Pair);
-                line(&mut text, 6, &format!("over {taps}x{taps} pixels{apart}"));
+                let half = match stage.grid {
+                    Grid::Full => "",
+                    Grid::Half => ", at half resolution",
+                };
+                line(&mut text, 6, &format!("over {taps}x{taps} pixels{apart}{half}"));
                 line(&mut text, 6, &format!("by {weight}"));
                 if let Some(variance) = &gather.variance {
                     let variance = formula(checked, k, variance, Reads::Pixel);

@@ -6,8 +6,9 @@ use super::Precision;
 use crate::expr::builder::{Builder, LIMIT};
 use crate::expr::constants::{Constants, Layer};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
+use crate::expr::function::VectorFunction;
 use crate::expr::interval::Interval;
-use crate::expr::op::{Form, Op, VectorFunction};
+use crate::expr::op::{Form, Op};
 use crate::expr::tape::{Axis, Input, Side, Value};
 use crate::expr::tree::{Place, Source, Symbol, Tree, Variadic};
 use crate::filter::Window;
@@ -31,6 +32,8 @@ pub(super) struct Surroundings<'a> {
     /// Whether pixels i and j change places: w(j, i) is made of what is read at
     /// i and j for w(i, j).
     pub(super) mirrored: bool,
+    /// Pixels of the image between neighbouring pixels of the stage's grid.
+    pub(super) step: i32,
     /// How accurate functions are made.
     pub(super) precision: Precision,
     /// The program's named constants.
@@ -100,6 +103,13 @@ impl Surroundings<'_> {
     fn offset(&self, b: &mut Builder, axis: Axis) -> Value {
         let reach = self.window.map_or(0, Window::reach) as f32;
         let offset = b.input(Input::Offset(axis), Interval::new(-reach, reach));
+        let offset = match self.step {
+            1 => offset,
+            step => {
+                let step = b.constant(step as f32);
+                b.mul(offset, step)
+            }
+        };
         if self.mirrored { b.neg(offset) } else { offset }
     }
 

@@ -219,6 +219,7 @@ mod tests {
             range: &|_| features,
             window: Some(window),
             mirrored: false,
+            step: 1,
             precision: crate::plan::Precision::Standard,
             constants: &crate::expr::Constants::default(),
             reads: &std::cell::RefCell::default(),

@@ -44,7 +44,10 @@ pub use lower::Read;
 pub use passes::{PASSES, PassRow, Passes};
 pub use precision::Precision;
 pub use rate::Tapes;
-pub use schedule::{Edges, GatherKernel, Kernel, MapKernel, Output, Program, Schedule};
+pub use schedule::{
+    BoxKernel, Columns, Edges, GatherKernel, Kernel, Look, MapKernel, Output, Program,
+    ResampleKernel, Schedule,
+};
 pub use taps::{Run, Taps};
 
 /// Why no plan can be made.
@@ -131,17 +134,20 @@ impl Plan {
             Source::Stage(_) => unreachable!("only programs have stages"),
         };
         let constants = Constants::default();
-        let plan = Self::gather(weights, window, &range, &constants, COLORS, false, passes)?;
+        let plan = Self::gather(weights, window, &range, 1, &constants, COLORS, false, passes)?;
         Ok(Self { facts: assumed(weights.iter().flat_map(Tree::planes), facts, passes), ..plan })
     }
 
     /// Plans weights that may read what a program has: `range` is what is known of a
-    /// plane. They are applied to so many `channels`, the constant one among them. If
-    /// `squared`, the squares of the weights follow them as further weights.
+    /// plane, `step` how many of the image's pixels lie between neighbours. They are applied
+    /// to so many `channels`, the constant one among them. If `squared`, the squares of the
+    /// weights follow them as further weights, and are applied to the last channel alone.
+    #[expect(clippy::too_many_arguments, reason = "one caller each for both kinds of filter")]
     fn gather(
         weights: &[Tree],
         window: Window,
         range: &dyn Fn(Source) -> Interval,
+        step: i32,
         constants: &Constants,
         channels: usize,
         squared: bool,
@@ -160,6 +166,7 @@ impl Plan {
             range,
             window: Some(window),
             mirrored: false,
+            step,
             precision,
             constants,
             reads: &reads,
@@ -201,7 +208,8 @@ impl Plan {
         let signed = tape.results().iter().any(|&r| tape.range(r).lo < 0.0);
         let tapes = rate::split(&tape, passes.rate, false);
         let mirrored = both.map(|tape| rate::split(&tape, passes.rate, true));
-        let mirrored = mirrored.filter(|mirrored| symmetry::pays(&tapes, mirrored, channels));
+        let sums = if squared { channels } else { channels * weights.len() };
+        let mirrored = mirrored.filter(|mirrored| symmetry::pays(&tapes, mirrored, sums, &taps));
         let reads = reads.into_inner();
         let (converged, facts) = (passes.converged, Facts::default());
         Ok(Self {

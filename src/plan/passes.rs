@@ -26,6 +26,10 @@ pub struct Passes {
     pub symmetry: bool,
     /// Pixels whose window holds one colour keep it.
     pub converged: bool,
+    /// Maps that stand side by side become one.
+    pub inline: bool,
+    /// Means by equal weights are sums down columns and then along rows.
+    pub separate: bool,
     /// How accurate functions are made: no pass, as it says how far off results may be.
     pub precision: Precision,
 }
@@ -105,6 +109,18 @@ pub const PASSES: &[PassRow] = &[
         exact: false,
         switch: |p| &mut p.converged,
     },
+    PassRow {
+        name: "inline",
+        doc: "maps side by side become one, and what only they read is not stored",
+        exact: true,
+        switch: |p| &mut p.inline,
+    },
+    PassRow {
+        name: "separate",
+        doc: "means by equal weights are sums down columns and then along rows",
+        exact: false,
+        switch: |p| &mut p.separate,
+    },
 ];
 
 impl Passes {
@@ -120,6 +136,8 @@ impl Passes {
         support: true,
         symmetry: true,
         converged: true,
+        inline: true,
+        separate: true,
         precision: Precision::Standard,
     };
 
@@ -135,6 +153,8 @@ impl Passes {
         support: false,
         symmetry: false,
         converged: false,
+        inline: false,
+        separate: false,
         precision: Precision::Standard,
     };
 

@@ -8,24 +8,27 @@
 //!
 //! A map is one kernel. A gather is up to three: a map for what it averages, unless that
 //! stands in a buffer already; a map for what its weight computes per pixel (the pass
-//! `rate`); and the loop over its window. Each stage is lowered with what is known of
-//! those before it, so that a value that is the same everywhere is a constant to whoever
-//! reads it, and is not stored. What nobody reads is not computed.
+//! `rate`); and the loop over its window. What is read on another grid than it stands on
+//! goes through a kernel that halves or doubles it. Each stage is lowered with what is
+//! known of those before it, so that a value that is the same everywhere is a constant to
+//! whoever reads it, and is not stored. Neighbouring maps become one (the pass `inline`).
+//! What nobody reads is not computed.
 //!
-//! Kernels compute rows. How many rows beyond those of the result a kernel has to compute
-//! is found backwards from the result, by how far its readers look up and down.
+//! Kernels compute rows. Which rows of a kernel some rows of the result take is found
+//! backwards, by how far its readers look up and down: [`Program::needed`].
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 use super::lower::{self, Read, Surroundings};
 use super::{Passes, Plan, PlanError, Run, assumed, feature_range};
-use crate::expr::builder::{Builder, LIMIT};
-use crate::expr::feature::PlaneId;
+use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
+use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::interval::Interval;
 use crate::expr::tape::{Input, Instr, Side, Tape, Value};
 use crate::expr::tree::{Source, StagePlane, Symbol, Tree};
-use crate::filter::{Checked, Gather, Resolved, StageKind};
+use crate::filter::{Checked, Filter, Gather, Grid, Resolved, StageKind, Window};
 use crate::scene::{Fact, Facts};
 
 /// A value at every pixel.
@@ -37,8 +40,8 @@ pub struct MapKernel {
     pub reads: Vec<Read>,
     /// Where the tape's results go.
     pub writes: Vec<StagePlane>,
-    /// Rows beyond the result's that have to be computed, above and below.
-    pub halo: usize,
+    /// The pixels that it computes.
+    pub grid: Grid,
 }
 
 /// A weighted mean over a window.
@@ -67,8 +70,32 @@ pub struct GatherKernel {
     pub variance: Option<(StagePlane, StagePlane, Interval)>,
     /// Which stage it is.
     pub stage: usize,
-    /// Rows beyond the result's that have to be computed, above and below.
-    pub halo: usize,
+    /// The pixels that it computes.
+    pub grid: Grid,
+}
+
+/// A mean by equal weights: sums down the columns, and of these along the rows.
+#[derive(Clone, Debug)]
+pub struct BoxKernel {
+    /// What is averaged.
+    pub channels: Vec<StagePlane>,
+    /// Where the means go, and what they are kept within.
+    pub writes: Vec<(StagePlane, Interval)>,
+    /// Over which pixels.
+    pub window: Window,
+    /// The pixels that it computes.
+    pub grid: Grid,
+}
+
+/// A plane on the other grid: the means of two by two pixels, or what lies between pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct ResampleKernel {
+    /// What is resampled.
+    pub reads: Source,
+    /// Where the result goes.
+    pub writes: StagePlane,
+    /// The grid of the result.
+    pub grid: Grid,
 }
 
 /// A step of a schedule.
@@ -78,22 +105,180 @@ pub enum Kernel {
     Map(MapKernel),
     /// A weighted mean over a window.
     Gather(GatherKernel),
+    /// A mean by equal weights.
+    Box(BoxKernel),
+    /// A plane on another grid.
+    Resample(ResampleKernel),
+}
+
+/// An earlier kernel's plane that a kernel reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Look {
+    /// The plane.
+    pub plane: StagePlane,
+    /// How many rows further up it is read than where the kernel's own rows stand.
+    pub above: usize,
+    /// How many rows further down.
+    pub below: usize,
+    /// In which columns.
+    pub columns: Columns,
+}
+
+/// In which columns a plane is read, and so what has to stand beside the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Columns {
+    /// That of the pixel alone.
+    Own,
+    /// Others too, where the image's edge is repeated.
+    Around,
+    /// Others too, where there are zeros: the plane is averaged.
+    Averaged,
 }
 
 impl Kernel {
-    /// Rows beyond the result's that have to be computed, above and below.
-    pub fn halo(&self) -> usize {
+    /// The pixels that it computes.
+    pub fn grid(&self) -> Grid {
         match self {
-            Self::Map(map) => map.halo,
-            Self::Gather(gather) => gather.halo,
+            Self::Map(map) => map.grid,
+            Self::Gather(gather) => gather.grid,
+            Self::Box(mean) => mean.grid,
+            Self::Resample(resample) => resample.grid,
+        }
+    }
+
+    /// The planes that it writes.
+    pub fn writes(&self) -> Vec<StagePlane> {
+        match self {
+            Self::Map(map) => map.writes.clone(),
+            Self::Gather(gather) => {
+                let variance = gather.variance.iter().map(|&(_, plane, _)| plane);
+                gather.writes.iter().map(|&(plane, _)| plane).chain(variance).collect()
+            }
+            Self::Box(mean) => mean.writes.iter().map(|&(plane, _)| plane).collect(),
+            Self::Resample(resample) => vec![resample.writes],
+        }
+    }
+
+    /// What it reads of earlier kernels.
+    pub fn looks(&self) -> Vec<Look> {
+        match self {
+            Self::Map(map) => {
+                let look = |read: &Read| match read.source {
+                    Source::Feature(_) => None,
+                    Source::Stage(plane) => Some(Look {
+                        plane,
+                        above: usize::from((-read.shift[1]).max(0).unsigned_abs()),
+                        below: usize::from(read.shift[1].max(0).unsigned_abs()),
+                        columns: match read.shift[0] {
+                            0 => Columns::Own,
+                            _ => Columns::Around,
+                        },
+                    }),
+                };
+                map.reads.iter().filter_map(look).collect()
+            }
+            Self::Gather(gather) => {
+                let look = |plane: StagePlane, columns: Columns| Look {
+                    plane,
+                    above: gather.reach,
+                    below: gather.reach,
+                    columns,
+                };
+                let around: BTreeSet<u32> = gather
+                    .pair
+                    .inputs()
+                    .filter_map(|input| match input {
+                        Input::Signal(k, Side::J) => Some(k),
+                        Input::Signal(_, Side::I)
+                        | Input::Plane(..)
+                        | Input::Offset(_)
+                        | Input::PerPixel(..)
+                        | Input::PerTap(_) => None,
+                    })
+                    .collect();
+                // Mirrored kernels compute columns beside the image, too.
+                let columns = |k: u32| match around.contains(&k) || gather.mirrored {
+                    true => Columns::Around,
+                    false => Columns::Own,
+                };
+                let reads = (0..).zip(&gather.reads).map(|(k, &plane)| look(plane, columns(k)));
+                let variance = gather.variance.iter().map(|&(source, ..)| source);
+                let averaged = gather.channels.iter().copied().chain(variance);
+                reads.chain(averaged.map(|plane| look(plane, Columns::Averaged))).collect()
+            }
+            Self::Box(mean) => {
+                let reach = mean.window.reach() as usize;
+                let (above, below, columns) = (reach, reach, Columns::Averaged);
+                let look = |&plane| Look { plane, above, below, columns };
+                mean.channels.iter().map(look).collect()
+            }
+            Self::Resample(resample) => match resample.reads {
+                Source::Feature(_) => Vec::new(),
+                Source::Stage(plane) => {
+                    vec![Look { plane, above: 0, below: 0, columns: Columns::Around }]
+                }
+            },
+        }
+    }
+
+    /// The planes of features that it reads.
+    pub fn features(&self) -> BTreeSet<PlaneId> {
+        let feature = |source: Source| match source {
+            Source::Feature(plane) => Some(plane),
+            Source::Stage(_) => None,
+        };
+        match self {
+            Self::Map(map) => map.reads.iter().filter_map(|read| feature(read.source)).collect(),
+            Self::Gather(gather) => {
+                let planes = gather.pair.inputs().filter_map(|input| match input {
+                    Input::Plane(plane, _) => Some(plane),
+                    Input::Offset(_)
+                    | Input::PerPixel(..)
+                    | Input::PerTap(_)
+                    | Input::Signal(..) => None,
+                });
+                planes.collect()
+            }
+            Self::Box(_) => BTreeSet::new(),
+            Self::Resample(resample) => feature(resample.reads).into_iter().collect(),
+        }
+    }
+
+    /// How far beside a pixel it looks, in pixels of its grid.
+    pub fn reach(&self) -> usize {
+        match self {
+            Self::Map(map) => {
+                let shifts = map.reads.iter().flat_map(|read| read.shift);
+                shifts.map(|shift| usize::from(shift.unsigned_abs())).max().unwrap_or(0)
+            }
+            Self::Gather(gather) => gather.reach,
+            Self::Box(mean) => mean.window.reach() as usize,
+            Self::Resample(_) => 1,
+        }
+    }
+
+    /// The rows of what it reads that stand where rows of its own do, in an image of so
+    /// many rows: the same, unless it leads from one grid to the other.
+    pub fn stands(&self, rows: Range<usize>, height: usize) -> Range<usize> {
+        match self {
+            Self::Map(_) | Self::Gather(_) | Self::Box(_) => rows,
+            // Two rows each.
+            Self::Resample(ResampleKernel { grid: Grid::Half, .. }) => {
+                2 * rows.start..(2 * rows.end).min(height)
+            }
+            // The nearest rows above and below.
+            Self::Resample(ResampleKernel { grid: Grid::Full, .. }) => {
+                let last = Grid::Half.along(height);
+                rows.start.saturating_sub(1) / 2..(rows.end / 2 + 1).min(last)
+            }
         }
     }
 }
 
-/// How a stage's plane is stored.
+/// How a stage's plane is stored; with anything beside it if it is only read where it stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Edges {
-    /// With the image's edge repeated beside it: it is looked at.
+    /// With the image's edge repeated beside it: it is looked at there.
     pub repeated: bool,
     /// With zeros beside it: it is averaged.
     pub zero: bool,
@@ -115,6 +300,8 @@ pub struct Program {
     pub kernels: Vec<Kernel>,
     /// Every plane that kernels write, with how it is stored.
     pub buffers: BTreeMap<StagePlane, Edges>,
+    /// By kernel and what it [looks](Kernel::looks) at: the kernel that writes that.
+    writers: Vec<Vec<usize>>,
     /// The filtered colour.
     pub output: [Output; 3],
     /// The features' planes that kernels read.
@@ -124,8 +311,34 @@ pub struct Program {
     pub facts: Facts,
     /// How far any kernel looks beside a pixel.
     pub reach: usize,
-    /// The filter's stages by name, for reports.
-    pub stages: Vec<String>,
+    /// The filter as it was given, for whoever wants to know what it means.
+    pub filter: Filter,
+}
+
+impl Program {
+    /// The rows that each kernel has to compute, on its own grid, for these rows of the
+    /// result of an image of so many.
+    pub fn needed(&self, rows: Range<usize>, height: usize) -> Vec<Range<usize>> {
+        let mut needed = vec![usize::MAX..0; self.kernels.len()];
+        let extend = |known: &mut Range<usize>, rows: Range<usize>| {
+            *known = known.start.min(rows.start)..known.end.max(rows.end);
+        };
+        for (k, kernel) in self.kernels.iter().enumerate() {
+            if kernel.writes().iter().any(|&plane| self.output.contains(&Output::Plane(plane))) {
+                extend(&mut needed[k], rows.clone());
+            }
+        }
+        for (k, kernel) in self.kernels.iter().enumerate().rev() {
+            let stands = kernel.stands(needed[k].clone(), height);
+            for (look, &writer) in kernel.looks().iter().zip(&self.writers[k]) {
+                let last = self.kernels[writer].grid().along(height);
+                let start = stands.start.saturating_sub(look.above);
+                let end = (stands.end + look.below).min(last);
+                extend(&mut needed[writer], start..end);
+            }
+        }
+        needed
+    }
 }
 
 /// What a filter becomes: the only thing that back ends run filters from.
@@ -178,6 +391,12 @@ struct Scheduler<'a> {
     /// By stage and component, the variance last; hidden stages behind the filter's own.
     known: BTreeMap<StagePlane, Component>,
     hidden: u16,
+    /// Of the stage at hand.
+    grid: Grid,
+    /// By stage, hidden ones among them.
+    grids: BTreeMap<u16, Grid>,
+    /// What stands on another grid as well.
+    resampled: Vec<(Source, StagePlane)>,
 }
 
 impl<'a> Scheduler<'a> {
@@ -190,13 +409,24 @@ impl<'a> Scheduler<'a> {
             }
         }
         let hidden = filter.filter().stages.len() as u16;
-        let (kernels, known) = (Vec::new(), BTreeMap::new());
-        Ok(Self { filter, facts, passes, kernels, known, hidden })
+        Ok(Self {
+            filter,
+            facts,
+            passes,
+            kernels: Vec::new(),
+            known: BTreeMap::new(),
+            hidden,
+            grid: Grid::Full,
+            grids: BTreeMap::new(),
+            resampled: Vec::new(),
+        })
     }
 
     fn program(mut self) -> Result<Program, PlanError> {
         let filter = self.filter.filter();
         for (k, stage) in filter.stages.iter().enumerate() {
+            self.grid = stage.grid;
+            self.grids.insert(k as u16, stage.grid);
             match &stage.kind {
                 StageKind::Map(value) => {
                     let values = self.map(value, k as u16);
@@ -213,13 +443,37 @@ impl<'a> Scheduler<'a> {
                 Component { constant: false, .. } => Output::Plane(plane),
             }
         });
-        let stages = filter.stages.iter().map(|stage| stage.name.clone()).collect();
         let planes = self.filter.needs().named().cloned().unwrap_or_default();
         let facts = assumed(planes.into_iter(), self.facts, self.passes);
         // What is absent is not assumed to be there.
         let present = facts.iter().filter(|&(plane, _)| self.facts.get(plane) != Fact::Absent);
         let facts = Facts::from_planes(present);
-        Ok(finish(self.kernels, output, stages, facts))
+        let kernels = match self.passes.inline {
+            true => fuse(self.kernels, self.passes.share),
+            false => self.kernels,
+        };
+        Ok(finish(kernels, output, filter.clone(), facts))
+    }
+
+    /// A plane on the grid of the stage at hand, where it is resampled unless it stands there.
+    fn on_grid(&mut self, source: Source) -> Source {
+        let grid = match source {
+            Source::Feature(_) => Grid::Full,
+            Source::Stage(plane) => self.grids[&plane.stage],
+        };
+        if grid == self.grid {
+            return source;
+        }
+        if let Some(&(_, plane)) = self.resampled.iter().find(|(known, _)| *known == source) {
+            return Source::Stage(plane);
+        }
+        let plane = StagePlane { stage: self.hidden_stage(), component: 0 };
+        let range = self.range(source);
+        self.known.insert(plane, Component { range, constant: false });
+        self.resampled.push((source, plane));
+        let (reads, writes, grid) = (source, plane, self.grid);
+        self.kernels.push(Kernel::Resample(ResampleKernel { reads, writes, grid }));
+        Source::Stage(plane)
     }
 
     /// Runs `lower` with what is known of everything that formulas may read.
@@ -233,6 +487,7 @@ impl<'a> Scheduler<'a> {
             range: &range,
             window: None,
             mirrored: false,
+            step: self.grid.step() as i32,
             precision: self.passes.precision,
             constants: &self.filter.filter().constants,
             reads,
@@ -244,7 +499,14 @@ impl<'a> Scheduler<'a> {
         match source {
             Source::Stage(plane) => self.known[&plane].range,
             Source::Feature(plane) => match self.filter.resolve(plane, self.facts) {
-                Some(Resolved::Plane(plane)) => feature_range(self.facts.get(plane), self.passes),
+                Some(Resolved::Plane(plane)) => {
+                    let range = feature_range(self.facts.get(plane), self.passes);
+                    // Where a pixel of half the resolution stands beyond the last one's middle.
+                    match plane.feature == Feature::Pixel && self.grid == Grid::Half {
+                        true => Interval::new(range.lo, range.hi + 0.5),
+                        false => range,
+                    }
+                }
                 Some(Resolved::Constant(x)) => Interval::point(x),
                 None => Interval::new(-LIMIT, LIMIT),
             },
@@ -287,7 +549,9 @@ impl<'a> Scheduler<'a> {
             .zip(tape.results())
             .map(|(plane, &r)| (plane, self.component(&tape, r)))
             .collect();
-        self.push_map(tape, reads.into_inner(), &known);
+        let reads = reads.into_inner().into_iter();
+        let reads = reads.map(|read| Read { source: self.on_grid(read.source), ..read }).collect();
+        self.push_map(tape, reads, &known);
         known
     }
 
@@ -314,13 +578,14 @@ impl<'a> Scheduler<'a> {
             .unzip();
         if !writes.is_empty() {
             let tape = tape.finish(&results);
-            self.kernels.push(Kernel::Map(MapKernel { tape, reads, writes, halo: 0 }));
+            self.kernels.push(Kernel::Map(MapKernel { tape, reads, writes, grid: self.grid }));
         }
     }
 
     /// The number of a stage that the filter does not name.
     fn hidden_stage(&mut self) -> u16 {
         self.hidden += 1;
+        self.grids.insert(self.hidden - 1, self.grid);
         self.hidden - 1
     }
 
@@ -328,7 +593,14 @@ impl<'a> Scheduler<'a> {
     /// anything else by a map.
     fn planes(&mut self, of: &Tree) -> Vec<(StagePlane, Component)> {
         if let [Symbol::Stage(signal)] = of.symbols() {
-            return signal.planes().map(|plane| (plane, self.known[&plane])).collect();
+            let planes = signal.planes().map(|plane| {
+                let known = self.known[&plane];
+                match known.constant {
+                    true => (plane, known),
+                    false => (stage_plane(self.on_grid(Source::Stage(plane))), known),
+                }
+            });
+            return planes.collect();
         }
         let stage = self.hidden_stage();
         let known = self.map(of, stage);
@@ -358,6 +630,7 @@ impl<'a> Scheduler<'a> {
             weights,
             gather.window,
             &range,
+            self.grid.step() as i32,
             constants,
             channels,
             squared,
@@ -382,6 +655,12 @@ impl<'a> Scheduler<'a> {
             (source, plane(of.len()), range)
         });
         let channels = averaged.iter().map(|&k| of[k].0).collect();
+        let large = gather.window.radius >= SEPARATED;
+        if self.passes.separate && large && variance.is_none() && has_equal_weights(&plan) {
+            let (window, grid) = (gather.window, self.grid);
+            self.kernels.push(Kernel::Box(BoxKernel { channels, writes, window, grid }));
+            return Ok(());
+        }
         self.push_gather(&plan, channels, writes, variance, stage);
         Ok(())
     }
@@ -412,17 +691,27 @@ impl<'a> Scheduler<'a> {
     ) {
         let mirrored = plan.mirrored().is_some();
         let tapes = plan.mirrored().unwrap_or(plan.tapes());
-        let signal = |k: u32| match plan.reads()[k as usize].source {
-            Source::Stage(plane) => plane,
-            Source::Feature(_) => unreachable!("gathers read features as planes"),
-        };
+        let signals: Vec<Source> =
+            plan.reads().iter().map(|read| self.on_grid(read.source)).collect();
+        // Features of another grid are planes of a kernel that resamples them.
+        let named = tapes.pixel.inputs().chain(tapes.pair.inputs());
+        let named: BTreeSet<PlaneId> = named
+            .filter_map(|input| match input {
+                Input::Plane(plane, _) => Some(plane),
+                Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) | Input::Signal(..) => {
+                    None
+                }
+            })
+            .collect();
+        let features: BTreeMap<PlaneId, Source> =
+            named.into_iter().map(|plane| (plane, self.on_grid(Source::Feature(plane)))).collect();
 
         let hidden = self.hidden_stage();
         let mut reads: Vec<Read> = Vec::new();
         let pixel = tapes.pixel.with_inputs(|input| {
             let source = match input {
-                Input::Plane(plane, Side::I) => Source::Feature(plane),
-                Input::Signal(k, Side::I) => Source::Stage(signal(k)),
+                Input::Plane(plane, Side::I) => features[&plane],
+                Input::Signal(k, Side::I) => signals[k as usize],
                 Input::Plane(_, Side::J)
                 | Input::Signal(_, Side::J)
                 | Input::Offset(_)
@@ -444,8 +733,15 @@ impl<'a> Scheduler<'a> {
             Input::PerPixel(k, side) => {
                 Input::Signal(number(&mut reads, per_pixel[k as usize].0), side)
             }
-            Input::Signal(k, side) => Input::Signal(number(&mut reads, signal(k)), side),
-            Input::Plane(..) | Input::Offset(_) | Input::PerTap(_) => input,
+            Input::Signal(k, side) => {
+                let plane = stage_plane(signals[k as usize]);
+                Input::Signal(number(&mut reads, plane), side)
+            }
+            Input::Plane(plane, side) => match features[&plane] {
+                Source::Feature(_) => input,
+                Source::Stage(plane) => Input::Signal(number(&mut reads, plane), side),
+            },
+            Input::Offset(_) | Input::PerTap(_) => input,
         });
         let taps = plan.taps();
         self.kernels.push(Kernel::Gather(GatherKernel {
@@ -460,8 +756,29 @@ impl<'a> Scheduler<'a> {
             writes,
             variance,
             stage,
-            halo: 0,
+            grid: self.grid,
         }));
+    }
+}
+
+/// Windows from this radius on are summed down columns and then along rows: the kernel of a
+/// smaller one keeps its sums in registers, and is faster.
+const SEPARATED: u32 = 3;
+
+/// Whether a plan's weight is one number, which is large enough to be trusted.
+fn has_equal_weights(plan: &Plan) -> bool {
+    let (pair, total) = (plan.pair(), plan.support() == plan.window());
+    let weight = match pair.instr(pair.results()[0]) {
+        Instr::Const(bits) => f32::from_bits(bits),
+        Instr::Input(_) | Instr::Prim(..) => 0.0,
+    };
+    total && weight > DIVISOR_MIN
+}
+
+fn stage_plane(source: Source) -> StagePlane {
+    match source {
+        Source::Stage(plane) => plane,
+        Source::Feature(_) => unreachable!("gathers read features as planes"),
     }
 }
 
@@ -482,105 +799,134 @@ fn number<T: PartialEq>(list: &mut Vec<T>, item: T) -> u32 {
     }) as u32
 }
 
-/// Leaves out what nobody needs, and finds the rows that kernels compute.
-fn finish(kernels: Vec<Kernel>, output: [Output; 3], stages: Vec<String>, facts: Facts) -> Program {
-    /// How a plane is needed: the rows beyond the result's, and its edges.
-    #[derive(Clone, Copy, Default)]
-    struct Need {
-        halo: usize,
-        edges: Edges,
+/// Instructions beyond which maps are not put together: what is under way at a time would
+/// no longer fit into registers.
+const LONGEST: usize = 4096;
+
+/// Makes one map of those that stand side by side, between one gather and the next, where
+/// none of them looks at another's result beside the pixel. Their common values are
+/// computed once, and what only they read is stored nowhere.
+fn fuse(kernels: Vec<Kernel>, share: bool) -> Vec<Kernel> {
+    let mut fused: Vec<Kernel> = Vec::with_capacity(kernels.len());
+    // Where the maps since the last gather begin.
+    let mut segment = 0;
+    for kernel in kernels {
+        let Kernel::Map(map) = kernel else {
+            fused.push(kernel);
+            segment = fused.len();
+            continue;
+        };
+        let looks = |map: &MapKernel, at: &[StagePlane]| {
+            let plane = |read: &Read| match read.source {
+                Source::Stage(plane) => at.contains(&plane),
+                Source::Feature(_) => false,
+            };
+            map.reads.iter().any(plane)
+        };
+        let candidate = (segment..fused.len()).rev().find(|&k| {
+            let Kernel::Map(earlier) = &fused[k] else { return false };
+            let beside = map.reads.iter().any(|read| match read.source {
+                Source::Stage(plane) => read.shift != [0, 0] && earlier.writes.contains(&plane),
+                Source::Feature(_) => false,
+            });
+            // It moves up to the earlier map, before all that stands between.
+            let passes = fused[k + 1..].iter().all(|between| !looks(&map, &between.writes()));
+            let length = earlier.tape.instrs().len() + map.tape.instrs().len();
+            earlier.grid == map.grid && !beside && passes && length <= LONGEST
+        });
+        match candidate {
+            Some(k) => {
+                let Kernel::Map(earlier) = &fused[k] else { unreachable!("it was found") };
+                fused[k] = Kernel::Map(together(earlier, &map, share));
+            }
+            None => fused.push(Kernel::Map(map)),
+        }
     }
-    let mut needs: BTreeMap<StagePlane, Need> = BTreeMap::new();
-    let mut inputs = BTreeSet::new();
-    let look = |needs: &mut BTreeMap<StagePlane, Need>, plane, halo: usize| {
-        let need = needs.entry(plane).or_default();
-        need.halo = need.halo.max(halo);
-        need.edges.repeated = true;
+    fused
+}
+
+/// Two maps as one, of which the second may read what the first writes.
+fn together(first: &MapKernel, second: &MapKernel, share: bool) -> MapKernel {
+    let mut reads = first.reads.clone();
+    let written = |read: &Read| match read.source {
+        Source::Stage(plane) => first.writes.iter().position(|&known| known == plane),
+        Source::Feature(_) => None,
     };
+    // Inputs that the first map gives keep numbers that nothing else has.
+    let given = u32::MAX / 2;
+    let tape = second.tape.with_inputs(|input| {
+        let Input::Signal(k, side) = input else { unreachable!("maps read signals alone") };
+        let read = second.reads[k as usize];
+        Input::Signal(
+            match written(&read) {
+                Some(result) => given + result as u32,
+                None => number(&mut reads, read),
+            },
+            side,
+        )
+    });
+    let result = |input| match input {
+        Input::Signal(k, _) => k.checked_sub(given).map(|result| result as usize),
+        Input::Plane(..) | Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) => None,
+    };
+    let tape = Tape::joined(&first.tape, &tape, share, result);
+    let writes = [first.writes.as_slice(), &second.writes].concat();
+    MapKernel { tape, reads, writes, grid: first.grid }
+}
+
+/// Leaves out what nobody needs, and finds who writes what is read.
+fn finish(kernels: Vec<Kernel>, output: [Output; 3], filter: Filter, facts: Facts) -> Program {
+    let mut buffers: BTreeMap<StagePlane, Edges> = BTreeMap::new();
     for output in output {
         if let Output::Plane(plane) = output {
-            look(&mut needs, plane, 0);
+            buffers.entry(plane).or_default();
         }
     }
-    let mut reach = 0;
     let mut kept: Vec<Kernel> = Vec::new();
     for kernel in kernels.into_iter().rev() {
-        match kernel {
-            Kernel::Map(map) => {
-                let stored = map.writes.iter().zip(map.tape.results());
-                let (writes, results): (Vec<StagePlane>, Vec<Value>) =
-                    stored.filter(|(plane, _)| needs.contains_key(plane)).unzip();
-                let Some(halo) = writes.iter().map(|plane| needs[plane].halo).max() else {
-                    continue;
-                };
-                let tape = map.tape.finish(&results);
-                let mut reads: Vec<Read> = Vec::new();
-                let tape = tape.with_inputs(|input| match input {
-                    Input::Signal(k, side) => {
-                        Input::Signal(number(&mut reads, map.reads[k as usize]), side)
-                    }
-                    Input::Plane(..)
-                    | Input::Offset(_)
-                    | Input::PerPixel(..)
-                    | Input::PerTap(_) => {
-                        unreachable!("maps read signals alone")
-                    }
-                });
-                for read in &reads {
-                    let [dx, dy] = read.shift.map(|d| usize::from(d.unsigned_abs()));
-                    reach = reach.max(dx).max(dy);
-                    match read.source {
-                        Source::Stage(plane) => look(&mut needs, plane, halo + dy),
-                        Source::Feature(plane) => {
-                            inputs.insert(plane);
-                        }
-                    }
-                }
-                kept.push(Kernel::Map(MapKernel { tape, reads, writes, halo }));
-            }
-            Kernel::Gather(gather) => {
-                let writes = gather.writes.iter().map(|(plane, _)| plane);
-                let variance = gather.variance.iter().map(|(_, plane, _)| plane);
-                let halo =
-                    writes.chain(variance).filter_map(|plane| needs.get(plane)).map(|n| n.halo);
-                let Some(halo) = halo.max() else { continue };
-                reach = reach.max(gather.reach);
-                // Mirrored weights are computed at the rows above for what they owe.
-                let (here, there) = match gather.mirrored {
-                    true => (halo + gather.reach, halo + gather.reach),
-                    false => (halo, halo + gather.reach),
-                };
-                for input in gather.pair.inputs() {
-                    match input {
-                        Input::Signal(k, side) => {
-                            let plane = gather.reads[k as usize];
-                            let rows = if side == Side::I { here } else { there };
-                            look(&mut needs, plane, rows);
-                        }
-                        Input::Plane(plane, _) => {
-                            inputs.insert(plane);
-                        }
-                        Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) => {}
-                    }
-                }
-                let variance = gather.variance.iter().map(|(source, ..)| source);
-                for plane in gather.channels.iter().chain(variance) {
-                    let need = needs.entry(*plane).or_default();
-                    need.halo = need.halo.max(there);
-                    need.edges.zero = true;
-                }
-                // Its results stand together, whoever needs them.
-                for plane in gather.writes.iter().map(|(plane, _)| plane) {
-                    needs.entry(*plane).or_default();
-                }
-                if let Some((_, plane, _)) = gather.variance {
-                    needs.entry(plane).or_default();
-                }
-                kept.push(Kernel::Gather(GatherKernel { halo, ..gather }));
+        if !kernel.writes().iter().any(|plane| buffers.contains_key(plane)) {
+            continue;
+        }
+        let kernel = match kernel {
+            Kernel::Map(map) => Kernel::Map(without_unread(map, &buffers)),
+            Kernel::Gather(_) | Kernel::Box(_) | Kernel::Resample(_) => kernel,
+        };
+        // A gather's results stand together, whoever needs them.
+        for plane in kernel.writes() {
+            buffers.entry(plane).or_default();
+        }
+        for look in kernel.looks() {
+            let edges = buffers.entry(look.plane).or_default();
+            match look.columns {
+                Columns::Own => {}
+                Columns::Around => edges.repeated = true,
+                Columns::Averaged => edges.zero = true,
             }
         }
+        kept.push(kernel);
     }
     kept.reverse();
-    let buffers = needs.into_iter().map(|(plane, need)| (plane, need.edges)).collect();
-    Program { kernels: kept, buffers, output, inputs, facts, reach, stages }
+    let writer = |plane: StagePlane| {
+        let writer = kept.iter().position(|kernel| kernel.writes().contains(&plane));
+        writer.expect("what is read was written before")
+    };
+    let writers =
+        kept.iter().map(|kernel| kernel.looks().iter().map(|look| writer(look.plane)).collect());
+    let writers = writers.collect();
+    let inputs = kept.iter().flat_map(Kernel::features).collect();
+    let reach = kept.iter().map(Kernel::reach).max().unwrap_or(0);
+    Program { kernels: kept, buffers, writers, output, inputs, facts, reach, filter }
+}
+
+/// A map without the results that nobody reads.
+fn without_unread(map: MapKernel, buffers: &BTreeMap<StagePlane, Edges>) -> MapKernel {
+    let stored = map.writes.iter().zip(map.tape.results());
+    let (writes, results): (Vec<StagePlane>, Vec<Value>) =
+        stored.filter(|(plane, _)| buffers.contains_key(plane)).unzip();
+    let mut reads: Vec<Read> = Vec::new();
+    let tape = map.tape.finish(&results).with_inputs(|input| {
+        let Input::Signal(k, side) = input else { unreachable!("maps read signals alone") };
+        Input::Signal(number(&mut reads, map.reads[k as usize]), side)
+    });
+    MapKernel { tape, reads, writes, grid: map.grid }
 }

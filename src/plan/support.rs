@@ -64,7 +64,7 @@ impl<'a> Weight<'a> {
     }
 
     fn range_at(&self, offset: [i32; 2]) -> Interval {
-        let pairs = offset.map(|along| (0.0, f64::from(along)));
+        let pairs = offset.map(|along| (0.0, f64::from(along * self.at.step)));
         let mut stack: Vec<Interval> = Vec::new();
         for (position, &symbol) in self.tree.symbols().iter().enumerate() {
             let operands = stack.split_off(stack.len() - symbol.arity());
@@ -124,6 +124,7 @@ mod tests {
             range: &range,
             window: Some(window),
             mirrored: false,
+            step: 1,
             precision: Precision::Standard,
             constants: &Constants::default(),
             reads: &RefCell::default(),
@@ -169,6 +170,7 @@ mod tests {
             range: &range,
             window: Some(window),
             mirrored: false,
+            step: 1,
             precision: Precision::Standard,
             constants: &Constants::default(),
             reads: &RefCell::default(),

@@ -6,6 +6,7 @@
 //! to the sums of pixel j, which are no longer in registers.
 
 use super::rate::Tapes;
+use super::taps::Taps;
 use crate::expr::tape::{Instr, Prim, Tape};
 
 /// What adding a weight to a channel costs: a load and a fused multiply-add.
@@ -16,23 +17,30 @@ const ADD: usize = 2;
 /// their load waits until that tap's store has reached the cache.
 const ADD_MIRRORED: usize = 10;
 
+/// What it costs per pixel to clear a run's sums of what is owed, and to add them to those
+/// below: they do not fit into a core's nearest cache. It counts where windows are small:
+/// programs of five by five taps take 1.15 times as long mirrored.
+const OWE: usize = 40;
+
 /// Weights beyond which it does not pay: what rows owe to those below no longer fits
 /// into a core's cache. Measured on bred expressions, with this pass against without:
 /// 1.17 times as many a second one by one, 1.05 and 1.02 in fours and eights, 0.95 and
 /// 0.98 in sixteens and thirty-twos.
 const MOST: usize = 8;
 
-/// Whether the mirrored tapes, run for half of the taps, are cheaper: at equal price
+/// Whether the mirrored tapes, run for half of the `taps`, are cheaper with so many sums per
+/// pixel: at equal price
 /// still, since arithmetic goes on while sums are waited for. The prices part bred
 /// expressions and named filters, alone and in batches, at both precisions, where they
 /// were measured to part (benches/RESULTS.md).
-pub(super) fn pays(plain: &Tapes, mirrored: &Tapes, channels: usize) -> bool {
+pub(super) fn pays(plain: &Tapes, mirrored: &Tapes, sums: usize, taps: &Taps) -> bool {
     if plain.pair.results().len() > MOST {
         return false;
     }
-    let sums = channels * plain.pair.results().len();
     let both_ways = 2 * (cost(&plain.pair) + sums * ADD);
     let at_once = cost(&mirrored.pair) + sums * (ADD + ADD_MIRRORED);
+    let count = taps.half().iter().map(|run| run.count as usize).sum::<usize>().max(1);
+    let at_once = at_once + taps.half().len() * sums * OWE / count;
     at_once * 20 < both_ways * 21
 }
 

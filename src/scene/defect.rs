@@ -15,7 +15,7 @@
 
 use rayon::prelude::*;
 
-use super::repair::is_good;
+use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, Quantity};
 
 /// Depths from here on may stand for "nothing hit" (Blender writes 1e10, which
@@ -33,6 +33,12 @@ const FIREFLY: f32 = 16.0;
 /// How far around a pixel is looked, and up to how many pixels of the image.
 const AROUND: usize = 2;
 const SAMPLED: usize = 1 << 14;
+
+/// Whether a sample can be computed with.
+pub fn is_good(sample: f32) -> bool {
+    // A NaN compares false.
+    sample.abs() <= LIMIT
+}
 
 /// What may be wrong with a pixel; the table above says what becomes of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

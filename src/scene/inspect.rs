@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::SceneError;
+use super::defect::is_good;
 use super::defect::{self, Defect, Tally};
 use super::exr::{Channel, Header, Part, read_channels};
 use super::mapping::Mapping;
-use super::repair::is_good;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 
 /// A file's channels and their meaning, without a pixel decoded.

@@ -22,8 +22,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::SceneError;
+use super::defect::is_good;
 use super::image::Image;
-use super::repair::is_good;
 
 /// The share of pixels that the trimmed error leaves out.
 const TRIMMED: f64 = 0.001;

@@ -23,8 +23,7 @@
 //! `tests/bad_pixels.rs` holds filters to that. The one exception is +Inf in a depth,
 //! which says that nothing was hit.
 
-use super::defect::Tally;
-use crate::expr::builder::LIMIT;
+use super::defect::{Tally, is_good};
 
 /// What to do with bad pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -41,12 +40,6 @@ pub enum Repair {
     /// arbitrary, but none of the results non-finite. Elsewhere nothing changes but
     /// roundings, as a plan knows no range of such a plane.
     None,
-}
-
-/// Whether a sample can be computed with.
-pub fn is_good(sample: f32) -> bool {
-    // A NaN compares false.
-    sample.abs() <= LIMIT
 }
 
 /// Counts the bad samples of a channel; `None` if there are none.

@@ -6,7 +6,7 @@ use super::accuracy::Scene;
 use super::behaviour::Behaviour;
 use super::invariance::Invariance;
 use super::sensitivity::Sensitivity;
-use super::verdict::{Reason, Verdict, reasons};
+use super::verdict::{Reason, Verdict};
 use super::{Engine, Gather};
 
 /// A filter's stability certificate.
@@ -72,13 +72,6 @@ impl Certificate {
             invariance: Vec::new(),
             behaviour: Vec::new(),
         }
-    }
-
-    /// Gives the figures a verdict.
-    pub(super) fn judge(&mut self) {
-        self.reasons = reasons(self);
-        let gravest = self.reasons.iter().map(|reason| reason.verdict).max();
-        self.verdict = gravest.unwrap_or(Verdict::Stable);
     }
 
     /// Why the filter should not be used, if it should not.

@@ -24,6 +24,7 @@ pub mod behaviour;
 pub mod certificate;
 pub mod guards;
 pub mod invariance;
+mod judge;
 mod peak;
 mod screen;
 pub mod sensitivity;
@@ -148,7 +149,7 @@ pub fn certify(
         }
     }
     certificate.behaviour = behaviour::observe(stage, backend, seed)?;
-    certificate.judge();
+    judge::judge(&mut certificate);
     Ok(certificate)
 }
 

@@ -207,6 +207,7 @@ mod tests {
             channels: 1,
             weights: 1,
             absolute: false,
+            lone: false,
             mirrored: false,
         };
         let mut recorder = Recorder::new(spec);

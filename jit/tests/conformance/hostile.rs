@@ -25,6 +25,7 @@ fn check(program: &Program, runs: &[Run], wanted: impl Fn(&Compiler, Chains) -> 
         channels: 1,
         weights: program.weights,
         absolute: true,
+        lone: false,
         mirrored: false,
     };
     let job = Job { layout, planes: &planes, runs, taps: &taps, rect: Rect::all(&layout) };

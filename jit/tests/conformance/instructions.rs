@@ -77,6 +77,7 @@ fn check_last(tuples: &[[f32; 3]], under_test: &[Node]) {
         channels: 1,
         weights: 4,
         absolute: false,
+        lone: false,
         mirrored: false,
     };
     let job = Job {

@@ -58,7 +58,7 @@ proptest! {
         let second = layout.plane(Border::Replicate, pick(1));
         // A first node that needs no operand, so that every other finds one.
         let program = Program::new(std::iter::once(Node::Plane(1, Side::J)).chain(nodes));
-        let spec = WindowSpec { planes: 3, taps: 2, channels: 1, weights: 1, absolute: true, mirrored: false };
+        let spec = WindowSpec { planes: 3, taps: 2, channels: 1, weights: 1, absolute: true, lone: false, mirrored: false };
         let job = Job {
             layout,
             planes: &[&one, &first, &second],

@@ -25,13 +25,19 @@ fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize
             let j = at(x as isize + run.dx + k * run.step, row as usize);
             let weights = body.emit(&mut Scalar { i: &i, j: &j, tap });
             for (k, weight) in weights.into_iter().take(spec.weights).enumerate() {
-                for c in 0..spec.channels {
+                let common = spec.channels - usize::from(spec.lone);
+                if spec.lone && k + 1 == spec.weights {
+                    let p = &mut partials[spec.result(k, common)];
+                    *p = weight.mul_add(j[common], *p);
+                    continue;
+                }
+                for c in 0..common {
                     let p = &mut partials[spec.result(k, c)];
                     *p = weight.mul_add(j[c], *p);
                 }
                 if spec.absolute {
-                    let p = &mut partials[spec.result(k, spec.channels)];
-                    *p = weight.abs().mul_add(j[spec.channels - 1], *p);
+                    let p = &mut partials[spec.result(k, common)];
+                    *p = weight.abs().mul_add(j[common - 1], *p);
                 }
             }
         }

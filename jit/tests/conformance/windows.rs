@@ -79,10 +79,14 @@ fn check(width: usize, height: usize, runs: &[Run], rect: Option<Rect>, absolute
     let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
     let count: usize = runs.iter().map(|run| run.count).sum();
     let taps: Vec<f32> = (0..2 * count).map(|n| noise(9, n, 0)).collect();
-    let spec =
-        WindowSpec { planes: 4, taps: 2, channels: 2, weights: 2, absolute, mirrored: false };
     let rect = rect.unwrap_or_else(|| Rect::all(&layout));
-    assert_agrees(spec, &program(), &Job { layout, planes: &planes, runs, taps: &taps, rect });
+    let job = Job { layout, planes: &planes, runs, taps: &taps, rect };
+    let (planes, taps, channels, weights) = (4, 2, 2, 2);
+    for lone in [false, true] {
+        let mirrored = false;
+        let spec = WindowSpec { planes, taps, channels, weights, absolute, lone, mirrored };
+        assert_agrees(spec, &program(), &job);
+    }
 }
 
 #[test]
@@ -165,6 +169,15 @@ fn mirrored_halves_make_the_whole() {
 }
 
 fn check_mirrored(program: &Program) {
+    for lone in [false, true] {
+        let (planes, taps, channels, weights) = (4, 2, 2, 2);
+        let (absolute, mirrored) = (true, false);
+        let spec = WindowSpec { planes, taps, channels, weights, absolute, lone, mirrored };
+        check_mirrored_as(spec, program);
+    }
+}
+
+fn check_mirrored_as(spec: WindowSpec, program: &Program) {
     const RADIUS: isize = 3;
     let row = |dx, dy, count, step| Run { dx, dy, count, step };
     let half: Vec<Run> = std::iter::once(row(RADIUS, 0, RADIUS as usize, -1))
@@ -183,8 +196,6 @@ fn check_mirrored(program: &Program) {
         seeds.flat_map(|seed| [noise(5, seed, 0), noise(6, seed, 1)]).collect()
     };
     let (whole_taps, half_taps) = (taps(&whole), taps(&half));
-    let spec =
-        WindowSpec { planes: 4, taps: 2, channels: 2, weights: 2, absolute: true, mirrored: false };
     let compilers = compilers();
     for (width, height) in [(1, 1), (5, 9), (33, 8), (70, 3)] {
         let layout = Layout::new(width, height, RADIUS as usize);
@@ -254,6 +265,7 @@ fn a_batch_larger_than_the_registers() {
         channels: 2,
         weights: 20,
         absolute: true,
+        lone: false,
         mirrored: false,
     };
     let job =

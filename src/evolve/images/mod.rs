@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::fitness::Fitness;
 use super::race::{Entrant, Ruling};
-use super::settings::Racing;
+use super::settings::{Racing, TOGETHER};
 use crate::backend::{Backend, BackendError, Rect};
 use crate::expr::Tree;
 use crate::filter::Window;
@@ -59,11 +59,6 @@ impl TrainingScene {
         &self.reference
     }
 }
-
-/// Expressions in one plan, unless told otherwise. A population bred for twenty
-/// generations takes 0.53 of its time one by one in plans of 4, 0.42 in plans of 8 and of
-/// 16, and 0.36 to 0.38 in plans of 32, which 64 do not better.
-pub const TOGETHER: usize = 32;
 
 /// Judges expressions by the sum over scenes of the mean error, RelMSE unless told
 /// otherwise.

@@ -7,7 +7,8 @@ use rustc_hash::FxHashMap;
 use super::rungs::{Ladder, Rung, TileErrors};
 use super::sample::{Sample, mean};
 use super::{ImageFitness, JudgeError, total};
-use crate::evolve::race::{Entrant, Ruling, Verdict};
+use crate::evolve::individual::Verdict;
+use crate::evolve::race::{Entrant, Ruling};
 use crate::expr::Tree;
 use crate::scene::Scene;
 

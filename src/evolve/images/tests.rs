@@ -4,9 +4,10 @@ use std::path::Path;
 
 use super::*;
 use crate::backend::{Executable, Interpreter};
+use crate::evolve::individual::Verdict;
 use crate::evolve::materials::Materials;
 use crate::evolve::mutation::mutate;
-use crate::evolve::race::{Bar, Verdict};
+use crate::evolve::race::Bar;
 use crate::evolve::rng::stream;
 use crate::evolve::settings::Preset;
 use crate::expr::tape::Input;
@@ -203,8 +204,8 @@ impl Backend for Panicking {
         }
         if plan.planes().iter().any(|p| p.feature == crate::expr::Feature::Depth) {
             let [planes, channels, weights] = [1; 3];
-            let (taps, absolute, mirrored) = (0, false, false);
-            let spec = WindowSpec { planes, taps, channels, weights, absolute, mirrored };
+            let (taps, absolute, lone, mirrored) = (0, false, false, false);
+            let spec = WindowSpec { planes, taps, channels, weights, absolute, lone, mirrored };
             Compiler::host()?.compile(spec, None, &Halfway)?;
         }
         self.0.compile(plan)

@@ -1,7 +1,6 @@
 //! The natural logarithm.
 
-use super::power::{at_least_normal, split};
-use super::{enclosure, horner};
+use super::{at_least_normal, enclosure, horner, split};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
 use crate::expr::function::{Budget, Fast, Unary};
 use crate::expr::tape::Value;

@@ -84,6 +84,22 @@ pub(super) fn enclosure(budget: Budget, lo: f64, hi: f64) -> Interval {
     Interval::new(lo as f32, hi as f32).widened(relative as f32, budget.absolute as f32)
 }
 
+/// `magnitude`, or the least normal number where it is none.
+pub(super) fn at_least_normal(b: &mut Builder, magnitude: Value) -> Value {
+    let smallest = b.constant(f32::MIN_POSITIVE);
+    b.max(magnitude, smallest)
+}
+
+/// e, h and f with x = 2^e (1 + f) for positive normal x, 1 + f in [sqrt(1/2), sqrt(2)),
+/// and h = f / 2. Both differences are exact.
+pub(super) fn split(b: &mut Builder, x: Value) -> [Value; 3] {
+    let e = b.exponent(x);
+    let fraction = b.fraction(x);
+    let half = b.constant(0.5);
+    let h = b.sub(fraction, half);
+    [e, h, b.add(h, h)]
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::builder::{LIMIT, Rules};

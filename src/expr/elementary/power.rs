@@ -25,7 +25,7 @@ use std::f32::consts::{LN_2, LOG2_E};
 
 use super::exp::short_exp2;
 use super::log::LOG;
-use super::{enclosure, horner};
+use super::{at_least_normal, enclosure, horner, split};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
 use crate::expr::derivative::{of_even, unless_limited};
 use crate::expr::function::{Binary, Budget, Fast, Unary};
@@ -414,12 +414,6 @@ fn logarithm(b: &mut Builder, x: Value, of_zero: Option<f32>) -> Parts {
     Parts { high, ..log }
 }
 
-/// `magnitude`, or the least normal number where it is none.
-pub(super) fn at_least_normal(b: &mut Builder, magnitude: Value) -> Value {
-    let smallest = b.constant(f32::MIN_POSITIVE);
-    b.max(magnitude, smallest)
-}
-
 /// The logarithm, or that of 0, if it has one, where |x| is no normal number.
 fn unless_zero(b: &mut Builder, magnitude: Value, of_zero: Option<f32>, log: Value) -> Value {
     let Some(of_zero) = of_zero else { return log };
@@ -441,17 +435,7 @@ fn logarithm_of_power(b: &mut Builder, [high, low]: [Value; 2]) -> Parts {
     Parts { high, low, low_max: RESIDUE_MAX }
 }
 
-/// e, h and f with x = 2^e (1 + f) for positive normal x, 1 + f in [sqrt(1/2), sqrt(2)),
-/// and h = f / 2. Both differences are exact.
-pub(super) fn split(b: &mut Builder, x: Value) -> [Value; 3] {
-    let e = b.exponent(x);
-    let fraction = b.fraction(x);
-    let half = b.constant(0.5);
-    let h = b.sub(fraction, half);
-    [e, h, b.add(h, h)]
-}
-
-/// The same in one part.
+/// The logarithm in one part.
 fn short_logarithm(b: &mut Builder, x: Value, of_zero: Option<f32>) -> Value {
     let magnitude = b.abs(x);
     let normal = at_least_normal(b, magnitude);

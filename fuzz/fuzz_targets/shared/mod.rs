@@ -1,0 +1,71 @@
+//! What the targets that filter have in common: scenes, passes, and results as bits.
+
+use tamis::backend::Filtered;
+use tamis::expr::{Feature, Quantity};
+use tamis::plan::{Passes, Precision};
+use tamis::scene::{LoadOptions, Needs, RawScene, Scene};
+
+/// Values that arithmetic trips over, and a few that it should not.
+const VALUES: [f32; 16] = [
+    0.0, -0.0, 1.0, -1.0, 0.5, 3.0, 1e-3, -0.07, 1e3, 1e-20, -1e-30, 1e-41, 1e18, -1e12, 3e30,
+    255.0,
+];
+
+/// A scene with every feature, of values that `seed` picks: wild ones, tame ones, or
+/// the same everywhere.
+pub(crate) fn scene((width, height): (usize, usize), pad: usize, seed: u16) -> Scene {
+    let (wild, mut plane) = (seed % 3, 0u32);
+    let mut samples = |least: f32| -> Vec<f32> {
+        plane += 1;
+        let value = |k: usize| {
+            let mut bits = (k as u32 ^ (plane << 16)).wrapping_mul(0x9e37_79b9) ^ u32::from(seed);
+            bits = (bits ^ (bits >> 15)).wrapping_mul(0x85eb_ca6b);
+            bits ^= bits >> 13;
+            match wild {
+                0 => VALUES[bits as usize % VALUES.len()],
+                1 => (bits % 1000) as f32 / 400.0 - 0.5,
+                _ => VALUES[plane as usize % VALUES.len()],
+            }
+        };
+        (0..width * height).map(|k| value(k).max(least)).collect()
+    };
+    let color = [0; 3].map(|_| samples(0.0));
+    let mut raw = RawScene::new("fuzz", width, height, color);
+    for feature in Feature::ALL {
+        if feature == Feature::Pixel {
+            continue;
+        }
+        if feature != Feature::Color {
+            let values = (0..feature.width()).map(|_| samples(f32::MIN)).collect();
+            raw = raw.with(feature, Quantity::Value, values);
+        }
+        raw = raw.with(feature, Quantity::Variance, vec![samples(0.0)]);
+    }
+    raw.prepare(&Needs::everything(), pad, &LoadOptions::default()).expect("every sample is finite")
+}
+
+/// Passes, each switched off by a bit.
+pub(crate) fn passes(bits: u16) -> Passes {
+    let on = |pass: u16| bits & (1 << pass) == 0;
+    Passes {
+        merge: on(0),
+        facts: on(1),
+        fold: on(2),
+        share: on(3),
+        ranges: on(4),
+        contract: on(5),
+        rate: on(6),
+        support: on(7),
+        symmetry: on(8),
+        converged: on(9),
+        inline: on(11),
+        separate: on(12),
+        precision: if on(10) { Precision::Standard } else { Precision::Fast },
+    }
+}
+
+/// Everything that must be the same.
+pub(crate) fn bits(results: &[Filtered]) -> Vec<(usize, Vec<[u32; 3]>)> {
+    let pixels = |f: &Filtered| f.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
+    results.iter().map(|f| (f.kept, pixels(f))).collect()
+}
