@@ -16,6 +16,7 @@
 //! **The guard.** Where Σ w cannot be trusted the noisy colour stays, and is
 //! counted: see [`TRUSTED_SUM`] and [`TRUSTED_SHARE`].
 
+mod band;
 mod block;
 mod converged;
 mod cpu;
@@ -30,6 +31,7 @@ pub mod meaning;
 mod numerics;
 pub mod oracle;
 mod program;
+mod rows;
 #[cfg(feature = "gpu")]
 pub mod shader;
 #[cfg(feature = "gpu")]

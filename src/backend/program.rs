@@ -15,18 +15,19 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::band::Band;
 use super::cpu::{Frame, Owed, Summer, Sums, per_tap};
-use super::{BackendError, Executable, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, holds, inside};
+use super::rows::{Add, Double, Halve, Mean, Trust};
+use super::{BackendError, Executable, Filtered, Rect, holds, inside};
 use crate::expr::Feature;
 use crate::expr::feature::PlaneId;
-use crate::expr::interval::Interval;
 use crate::expr::tape::Input;
 use crate::expr::tree::{Source, StagePlane};
 use crate::filter::Grid;
 use crate::plan::{
     BoxKernel, Edges, GatherKernel, Kernel, MapKernel, Output, Program, Read, ResampleKernel,
 };
-use crate::scene::plane::{Layout, Lines, Plane};
+use crate::scene::plane::{Layout, Plane};
 use crate::scene::{ColorScale, Scene};
 
 /// Rows of a wave: enough that what kernels do per wave costs little, few enough that the
@@ -150,105 +151,6 @@ impl<E: Engine> Compiled<E> {
             }
         }
         Ok(Self { program: program.clone(), codes, places, traffic })
-    }
-}
-
-/// Some rows of a plane: those that are still read, and those of the wave.
-struct Band {
-    layout: Layout,
-    /// The row of the image that stands first.
-    origin: usize,
-    /// How many rows have room.
-    room: usize,
-    /// With the image's edge repeated beside it, if `edges` ask for that.
-    repeated: Option<Lines>,
-    /// With zeros beside it.
-    zero: Option<Lines>,
-    edges: Edges,
-}
-
-impl Band {
-    fn new(layout: Layout, edges: Edges) -> Self {
-        let lines = |wanted: bool| wanted.then(|| Lines::zeros(0));
-        let Edges { repeated, zero } = edges;
-        Self {
-            edges,
-            layout,
-            origin: 0,
-            room: 0,
-            repeated: lines(repeated || !zero),
-            zero: lines(zero),
-        }
-    }
-
-    fn sides(&mut self) -> impl Iterator<Item = &mut Lines> {
-        self.repeated.iter_mut().chain(&mut self.zero)
-    }
-
-    /// Makes room for rows of the image, and keeps those of them that are there.
-    fn hold(&mut self, rows: Range<usize>) {
-        if rows.end <= self.origin + self.room && rows.start >= self.origin {
-            return;
-        }
-        let (stride, old, room) = (self.layout.stride(), self.origin, self.room);
-        let kept = rows.start.max(old)..rows.end.min(old + room).max(rows.start.max(old));
-        let (from, to) = ((kept.start - old + 1) * stride, (kept.start - rows.start + 1) * stride);
-        let length = kept.len() * stride;
-        if rows.len() > room {
-            // Twice as many as needed, so that rows seldom have to move.
-            self.room = 2 * rows.len();
-            // A row of slack at both ends, for who looks beside the first and last pixel.
-            let samples = (self.room + 2) * stride;
-            for side in self.sides() {
-                let mut grown = Lines::zeros(samples);
-                if room > 0 {
-                    grown[to..to + length].copy_from_slice(&side[from..from + length]);
-                }
-                *side = grown;
-            }
-        } else {
-            self.sides().for_each(|side| side.copy_within(from..from + length, to));
-        }
-        self.origin = rows.start;
-    }
-
-    /// Where a row of the image begins.
-    fn start(&self, row: usize) -> usize {
-        (row + 1 - self.origin) * self.layout.stride()
-    }
-
-    /// Writes a row of pixels.
-    fn write(&mut self, row: usize, pixels: &[f32]) {
-        let (start, pad) = (self.start(row), self.layout.pad());
-        if let Some(plane) = &mut self.repeated {
-            let row = &mut plane[start..start + self.layout.stride()];
-            row[pad..pad + pixels.len()].copy_from_slice(pixels);
-            if self.edges.repeated {
-                row[..pad].fill(pixels[0]);
-                row[pad + pixels.len()..].fill(pixels[pixels.len() - 1]);
-            }
-        }
-        if let Some(plane) = &mut self.zero {
-            plane[start + pad..][..pixels.len()].copy_from_slice(pixels);
-        }
-    }
-
-    /// The pixels of a row, by whichever edges there are: they are the same.
-    fn pixels(&self, row: usize) -> &[f32] {
-        let start = self.start(row) + self.layout.pad();
-        &self.looked_at()[start..][..self.layout.width()]
-    }
-
-    /// The samples for whoever looks at them.
-    fn looked_at(&self) -> &[f32] {
-        // Who reads no other column takes any edges.
-        let plane = self.repeated.as_ref().or(self.zero.as_ref());
-        plane.expect("a band has samples")
-    }
-
-    /// The samples for whoever averages them.
-    fn averaged(&self) -> &[f32] {
-        self.zero.as_ref().expect("the schedule says who averages what")
     }
 }
 
@@ -711,118 +613,6 @@ impl<E: Engine> Compiled<E> {
                     }
                 }
             }
-        }
-    }
-}
-
-/// Where the sums of weights can be relied on.
-struct Trust<'a> {
-    totals: &'a [f32],
-    magnitudes: &'a [f32],
-    trusted: &'a mut [bool],
-}
-
-impl pulp::WithSimd for Trust<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let sums = self.totals.iter().zip(self.magnitudes);
-        for (trusted, (total, magnitude)) in self.trusted.iter_mut().zip(sums) {
-            let sum = total.abs();
-            *trusted = sum >= TRUSTED_SUM.max(TRUSTED_SHARE * magnitude) && sum.is_finite();
-        }
-    }
-}
-
-/// Sums by weights as means, or as variances of means; what was averaged stays where the
-/// weights cannot be trusted.
-struct Mean<'a> {
-    sums: &'a [f32],
-    totals: &'a [f32],
-    squared: bool,
-    own: &'a [f32],
-    trusted: &'a [bool],
-    range: Interval,
-    means: &'a mut [f32],
-}
-
-impl pulp::WithSimd for Mean<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Interval { lo, hi } = self.range;
-        let sums = self.sums.iter().zip(self.totals).zip(self.own).zip(self.trusted);
-        for (mean, (((&sum, &total), &own), &trusted)) in self.means.iter_mut().zip(sums) {
-            let once = sum / total;
-            let value = if self.squared { once / total } else { once };
-            let sound = trusted & value.is_finite();
-            *mean = if sound { value.clamp(lo, hi) } else { own };
-        }
-    }
-}
-
-/// Adds numbers to others, by whatever vectors there are.
-struct Add<'a> {
-    to: &'a mut [f32],
-    from: &'a [f32],
-}
-
-impl pulp::WithSimd for Add<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        self.to.iter_mut().zip(self.from).for_each(|(to, from)| *to += from);
-    }
-}
-
-/// The means of two by two pixels: within the range of the four.
-struct Halve<'a> {
-    upper: &'a [f32],
-    lower: &'a [f32],
-    pixels: &'a mut [f32],
-}
-
-impl pulp::WithSimd for Halve<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let (upper, lower) = (self.upper.as_chunks::<2>().0, self.lower.as_chunks::<2>().0);
-        for ((pixel, [a, b]), [c, d]) in self.pixels.iter_mut().zip(upper).zip(lower) {
-            *pixel = 0.25 * ((a + b) + (c + d));
-        }
-    }
-}
-
-/// What lies between pixels, a quarter of the way: within the range of the four. Rows begin
-/// one pixel before the first.
-struct Double<'a> {
-    nearest: &'a [f32],
-    other: &'a [f32],
-    /// Memory for what lies between the rows.
-    between: &'a mut [f32],
-    pixels: &'a mut [f32],
-}
-
-impl pulp::WithSimd for Double<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { nearest, other, between, pixels } = self;
-        let quarter = |near: f32, far: f32| near + 0.25 * (far - near);
-        for ((between, near), far) in between.iter_mut().zip(nearest).zip(other) {
-            *between = quarter(*near, *far);
-        }
-        let (pairs, last) = pixels.as_chunks_mut::<2>();
-        for (pair, around) in pairs.iter_mut().zip(between.windows(3)) {
-            *pair = [quarter(around[1], around[0]), quarter(around[1], around[2])];
-        }
-        if let ([pixel], Some([left, here, ..])) = (last, between.last_chunk::<3>()) {
-            *pixel = quarter(*here, *left);
         }
     }
 }

@@ -17,6 +17,8 @@
 //! A plan's fields are private: what a back end sees has been through here, so
 //! it may rely on what is promised below and contains no policy of its own.
 
+mod fuse;
+mod kernel;
 mod lower;
 mod merge;
 mod passes;
@@ -40,14 +42,14 @@ use crate::expr::tree::{Source, Tree};
 use crate::filter::Window;
 use crate::scene::facts::{Fact, Facts};
 
+pub use kernel::{
+    BoxKernel, Columns, Edges, GatherKernel, Kernel, Look, MapKernel, ResampleKernel,
+};
 pub use lower::Read;
 pub use passes::{PASSES, PassRow, Passes};
 pub use precision::Precision;
 pub use rate::Tapes;
-pub use schedule::{
-    BoxKernel, Columns, Edges, GatherKernel, Kernel, Look, MapKernel, Output, Program,
-    ResampleKernel, Schedule,
-};
+pub use schedule::{Output, Program, Schedule};
 pub use taps::{Run, Taps};
 
 /// Why no plan can be made.
