@@ -502,7 +502,7 @@ impl<E: Engine> Compiled<E> {
                     (result(number), total, &trusted, &mut means[..]);
                 let mean = Mean { sums, totals, squared, own, trusted, range, means };
                 pulp::Arch::new().dispatch(mean);
-                strip.bands[self.place(plane)].write(y, &means);
+                strip.bands[self.place(plane)].write(y, means);
             }
         }
         Ok(())

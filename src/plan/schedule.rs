@@ -68,7 +68,9 @@ impl Program {
     /// The rows that each kernel has to compute, on its own grid, for these rows of the
     /// result of an image of so many.
     pub fn needed(&self, rows: Range<usize>, height: usize) -> Vec<Range<usize>> {
-        let mut needed = vec![usize::MAX..0; self.kernels.len()];
+        // No row yet.
+        let nothing = Range { start: usize::MAX, end: 0 };
+        let mut needed = vec![nothing; self.kernels.len()];
         let extend = |known: &mut Range<usize>, rows: Range<usize>| {
             *known = known.start.min(rows.start)..known.end.max(rows.end);
         };
@@ -96,7 +98,7 @@ pub enum Schedule {
     /// A filter of the paper's: one weight over the noisy colour.
     Paper(Box<Plan>),
     /// A program.
-    Program(Program),
+    Program(Box<Program>),
 }
 
 impl Schedule {
@@ -112,7 +114,8 @@ impl Schedule {
             let plan = Plan::new(weights, gather.window, facts, passes)?;
             return Ok(Self::Paper(Box::new(plan)));
         }
-        Scheduler::new(filter, facts, passes)?.program().map(Self::Program)
+        let program = Scheduler::new(filter, facts, passes)?.program()?;
+        Ok(Self::Program(Box::new(program)))
     }
 
     /// The features' planes that are read.

@@ -23,7 +23,7 @@ fn schedule(filter: &Filter, scene: &Scene, passes: Passes) -> Schedule {
 
 fn program(filter: &Filter, scene: &Scene, passes: Passes) -> Program {
     match schedule(filter, scene, passes) {
-        Schedule::Program(program) => program,
+        Schedule::Program(program) => *program,
         Schedule::Paper(_) => panic!("{} is a program", filter.name),
     }
 }
