@@ -24,6 +24,7 @@
 //!     channels: 2,
 //!     weights: 1,
 //!     absolute: false,
+//!     lone: false,
 //!     mirrored: false,
 //! };
 //! let kernel = Compiler::host()?.compile(spec, None, &Gaussian)?;

@@ -108,8 +108,8 @@ impl WindowSpec {
             ("planes", self.planes, 1),
             ("tap values", self.taps, 0),
             ("weights × channels", self.results(), 1),
-            ("weights", self.weights, 1 + usize::from(self.lone)),
-            ("channels", self.channels, 1 + usize::from(self.lone)),
+            ("weights", self.weights, 2 * usize::from(self.lone)),
+            ("channels", self.channels, 2 * usize::from(self.lone)),
         ];
         for (what, value, least) in ranges {
             if !(least..=Self::LIMIT).contains(&value) {

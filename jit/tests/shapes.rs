@@ -200,6 +200,10 @@ fn specifications_out_of_range() {
         WindowSpec { taps: huge, ..SPEC },
         WindowSpec { weights: 0, ..SPEC },
         WindowSpec { weights: usize::MAX, absolute: true, ..SPEC },
+        // One is not enough for a weight and a channel of their own beside others.
+        WindowSpec { lone: true, ..SPEC },
+        WindowSpec { weights: 2, lone: true, ..SPEC },
+        WindowSpec { channels: 2, lone: true, ..SPEC },
     ] {
         assert!(matches!(compile(spec, &HONEST), Err(CompileError::Spec { .. })), "{spec:?}");
     }
