@@ -3,8 +3,9 @@
 use super::block::{
     Arg, BLOCK, Block as Sums, Chunk, LANES, Program, Slots, accumulate, accumulate_magnitude,
 };
-use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, run, tapes};
+use super::cpu::{CHANNELS, Rates, run, tapes};
 use super::program::{Compiled, Engine, MapBlock, Mapper};
+use super::sums::{Frame, Summer, Taps};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::tape::{Input, Side};
 use crate::plan::{self, GatherKernel, MapKernel, Plan};

@@ -3,8 +3,9 @@
 
 use tamis_jit::{Body, Chains, Compiler, Features, Job, Kernel, Lanes, Width, WindowSpec};
 
-use super::cpu::{CHANNELS, Frame, Rates, Summer, Taps, tapes};
+use super::cpu::{CHANNELS, Rates, tapes};
 use super::program::{self, Engine, MapBlock, Mapper};
+use super::sums::{Frame, Summer, Taps};
 use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::feature::PlaneId;
 use crate::expr::tape::{Input, Instr, Prim, Side, Tape};

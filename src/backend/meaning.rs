@@ -12,8 +12,9 @@ use super::{TRUSTED_SHARE, TRUSTED_SUM};
 use crate::expr::builder::LIMIT;
 use crate::expr::evaluate::Evaluator;
 use crate::expr::feature::{Feature, PlaneId};
+use crate::expr::symbol::{Place, Source, StagePlane};
 use crate::expr::tape::Side;
-use crate::expr::tree::{Place, Source, StagePlane, Tree};
+use crate::expr::tree::Tree;
 use crate::filter::{Checked, Gather, Grid, Resolved, StageKind};
 use crate::scene::{Facts, Scene};
 

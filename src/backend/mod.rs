@@ -34,6 +34,7 @@ mod program;
 mod rows;
 #[cfg(feature = "gpu")]
 pub mod shader;
+mod sums;
 #[cfg(feature = "gpu")]
 pub mod wgsl;
 

@@ -16,13 +16,14 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::band::Band;
-use super::cpu::{Frame, Owed, Summer, Sums, per_tap};
+use super::cpu::per_tap;
 use super::rows::{Add, Double, Halve, Mean, Trust};
+use super::sums::{self, Frame, Owed, Summer, Sums};
 use super::{BackendError, Executable, Filtered, Rect, holds, inside};
 use crate::expr::Feature;
 use crate::expr::feature::PlaneId;
+use crate::expr::symbol::{Source, StagePlane};
 use crate::expr::tape::Input;
-use crate::expr::tree::{Source, StagePlane};
 use crate::filter::Grid;
 use crate::plan::{
     BoxKernel, Edges, GatherKernel, Kernel, MapKernel, Output, Program, Read, ResampleKernel,
@@ -157,7 +158,7 @@ impl<E: Engine> Compiled<E> {
 /// What a thread keeps from one strip to the next.
 struct Scratch<E: Engine> {
     maps: <E::Map as Mapper>::Scratch,
-    gathers: super::cpu::Scratch<<E::Gather as Summer>::Scratch>,
+    gathers: sums::Scratch<<E::Gather as Summer>::Scratch>,
     outputs: Vec<f32>,
 }
 

@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::error::Error;
 use crate::expr::op::{Op, Sort, Syntax};
-use crate::expr::tree::Variadic;
+use crate::expr::symbol::Variadic;
 use crate::expr::{Feature, Quantity};
 use crate::plan::PASSES;
 use crate::report::{Align, Format, Table};

@@ -71,25 +71,9 @@ impl Mutation {
                 tree.replace(*scalars.choose(rng)?, &Tree::constant(1.0))
             }
             Self::Jitter => {
-                let constants: Vec<(usize, f32)> = tree
-                    .symbols()
-                    .iter()
-                    .enumerate()
-                    .filter_map(|(at, symbol)| match symbol {
-                        Symbol::Const(literal) => Some((at, literal.value())),
-                        Symbol::Variance(_)
-                        | Symbol::Vector(_)
-                        | Symbol::Gradient(_)
-                        | Symbol::Op(_)
-                        | Symbol::Stage(_)
-                        | Symbol::Param(_)
-                        | Symbol::Offset
-                        | Symbol::At(_)
-                        | Symbol::Part(_)
-                        | Symbol::Many(..)
-                        | Symbol::Linear(_) => None,
-                    })
-                    .collect();
+                let numbers = tree.symbols().iter().enumerate();
+                let constants: Vec<(usize, f32)> =
+                    numbers.filter_map(|(at, symbol)| Some((at, symbol.number()?))).collect();
                 let &(at, value) = constants.choose(rng)?;
                 let factor = (jitter_sigma * normal(rng)).exp();
                 tree.with_symbol(at, Symbol::constant(rounded(f64::from(value) * factor)))

@@ -10,8 +10,9 @@ use super::header::{self, fill};
 use super::{Subject, term::Term};
 use crate::expr::feature::{Feature, Quantity};
 use crate::expr::op::Op;
+use crate::expr::symbol::Symbol;
 use crate::expr::text::latex_factors;
-use crate::expr::tree::{Symbol, Tree};
+use crate::expr::tree::Tree;
 
 /// Equation 1, with the neighbourhood that the text explains.
 const EQUATION_1: &str = r"\begin{equation}

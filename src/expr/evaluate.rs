@@ -4,8 +4,9 @@ use super::constants::Constants;
 use super::feature::{Feature, PlaneId, Quantity};
 use super::function::limited;
 use super::op::Form;
+use super::symbol::{Place, Source, Symbol, Variadic};
 use super::tape::Side;
-use super::tree::{Place, Source, Symbol, Tree, Variadic};
+use super::tree::Tree;
 
 /// An expression, ready to be evaluated again and again.
 #[derive(Debug)]

@@ -17,7 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use super::feature::{Feature, Quantity};
 use super::op::{Form, Op, Sort};
-use super::tree::{Symbol, Tree};
+use super::symbol::Symbol;
+use super::tree::Tree;
 
 /// The paper's ⟨const⟩.
 pub const CONSTANTS: [f32; 8] = [0.1, 0.2, 0.3, 0.3333, 1.0, 2.0, 3.0, std::f32::consts::PI];
@@ -150,13 +151,7 @@ impl Vocabulary {
             Symbol::Variance(_) => self.variances.contains(&symbol),
             Symbol::Vector(_) | Symbol::Gradient(_) => self.vectors.contains(&symbol),
             Symbol::Op(op) => self.ops.contains(&op),
-            Symbol::Stage(_)
-            | Symbol::Param(_)
-            | Symbol::Offset
-            | Symbol::At(_)
-            | Symbol::Part(_)
-            | Symbol::Many(..)
-            | Symbol::Linear(_) => false,
+            _ => false,
         }
     }
 

@@ -5,9 +5,10 @@ use std::collections::BTreeSet;
 use super::{Filter, Gather, Grid, Stage, StageKind, StandIn, Window};
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
+use crate::expr::symbol::{Place, Symbol};
 use crate::expr::tape::Side;
 use crate::expr::text::{Declared, is_free};
-use crate::expr::tree::{Place, Symbol, Tree};
+use crate::expr::tree::Tree;
 use crate::scene::{Fact, Facts, Needs};
 
 /// What a filter's last stage gives.

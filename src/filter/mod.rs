@@ -25,7 +25,8 @@ use std::collections::BTreeSet;
 
 use crate::expr::constants::Constants;
 use crate::expr::feature::{Feature, PlaneId};
-use crate::expr::tree::{Symbol, Tree};
+use crate::expr::symbol::Symbol;
+use crate::expr::tree::Tree;
 
 pub use check::{Checked, FilterError, Resolved};
 pub use file::FilterFileError;

@@ -2,8 +2,8 @@
 
 use super::kernel::{Kernel, MapKernel};
 use super::lower::Read;
+use crate::expr::symbol::{Source, StagePlane};
 use crate::expr::tape::{Input, Tape};
-use crate::expr::tree::{Source, StagePlane};
 
 /// Instructions beyond which maps are not put together: what is under way at a time would
 /// no longer fit into registers.

@@ -7,8 +7,8 @@ use super::Run;
 use super::lower::Read;
 use crate::expr::feature::PlaneId;
 use crate::expr::interval::Interval;
+use crate::expr::symbol::{Source, StagePlane};
 use crate::expr::tape::{Input, Side, Tape};
-use crate::expr::tree::{Source, StagePlane};
 use crate::filter::{Grid, Window};
 
 /// A value at every pixel.

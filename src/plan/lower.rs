@@ -9,8 +9,9 @@ use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::expr::function::VectorFunction;
 use crate::expr::interval::Interval;
 use crate::expr::op::{Form, Op};
+use crate::expr::symbol::{Place, Source, Symbol, Variadic};
 use crate::expr::tape::{Axis, Input, Side, Value};
-use crate::expr::tree::{Place, Source, Symbol, Tree, Variadic};
+use crate::expr::tree::Tree;
 use crate::filter::Window;
 
 /// A plane that a kernel reads, so many columns to the right of the pixel and rows below.

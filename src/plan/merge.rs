@@ -19,7 +19,8 @@
 use crate::expr::builder::LIMIT;
 use crate::expr::interval::Interval;
 use crate::expr::op::Op;
-use crate::expr::tree::{Symbol, Tree};
+use crate::expr::symbol::Symbol;
+use crate::expr::tree::Tree;
 
 /// Bound on the sum of the positive parts of merged exponents.
 const HEADROOM: f32 = 20.0;

@@ -37,8 +37,9 @@ use crate::expr::builder::{Builder, LIMIT};
 use crate::expr::constants::Constants;
 use crate::expr::feature::PlaneId;
 use crate::expr::interval::Interval;
+use crate::expr::symbol::Source;
 use crate::expr::tape::{Tape, Value};
-use crate::expr::tree::{Source, Tree};
+use crate::expr::tree::Tree;
 use crate::filter::Window;
 use crate::scene::facts::{Fact, Facts};
 

@@ -28,8 +28,9 @@ use super::{Passes, Plan, PlanError, assumed, feature_range};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::interval::Interval;
+use crate::expr::symbol::{Source, StagePlane, Symbol};
 use crate::expr::tape::{Input, Instr, Side, Tape, Value};
-use crate::expr::tree::{Source, StagePlane, Symbol, Tree};
+use crate::expr::tree::Tree;
 use crate::filter::{Checked, Filter, Gather, Grid, Resolved, StageKind};
 use crate::scene::{Fact, Facts};
 

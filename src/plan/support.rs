@@ -13,7 +13,8 @@ use crate::expr::builder::LIMIT;
 use crate::expr::feature::Feature;
 use crate::expr::interval::Interval;
 use crate::expr::op::Form;
-use crate::expr::tree::{Symbol, Tree};
+use crate::expr::symbol::Symbol;
+use crate::expr::tree::Tree;
 use crate::filter::Window;
 
 /// What a value computed in another order, or with fused operations, may be off.
@@ -87,16 +88,7 @@ impl<'a> Weight<'a> {
                 },
                 // Of several components, what holds of all.
                 Symbol::At(_) => operands[0],
-                Symbol::Const(_)
-                | Symbol::Variance(_)
-                | Symbol::Vector(_)
-                | Symbol::Gradient(_)
-                | Symbol::Stage(_)
-                | Symbol::Param(_)
-                | Symbol::Offset
-                | Symbol::Part(_)
-                | Symbol::Many(..)
-                | Symbol::Linear(_) => self.known[position],
+                _ => self.known[position],
             };
             stack.push(range);
         }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::expr::feature::{Feature, Quantity};
 use crate::expr::op::{Op, Sort, Syntax};
-use crate::expr::tree::{Symbol, Variadic};
+use crate::expr::symbol::{Symbol, Variadic};
 
 use super::scope::{Reads, Scope};
 use super::{MINUS, PI, VARIANCE};
@@ -214,20 +214,10 @@ impl Problem {
 
     /// The problem with an operand of the other sort.
     pub(super) fn sort(by: Option<Op>, wanted: Sort, text: &str, symbol: Symbol) -> Self {
-        let found = match symbol {
-            Symbol::Op(op) if op.row().syntax == Syntax::Call => format!("{text}(…)"),
-            Symbol::Op(_) => format!("{text}…"),
-            Symbol::Const(_)
-            | Symbol::Variance(_)
-            | Symbol::Vector(_)
-            | Symbol::Gradient(_)
-            | Symbol::Stage(_)
-            | Symbol::Param(_)
-            | Symbol::Offset
-            | Symbol::At(_)
-            | Symbol::Part(_)
-            | Symbol::Many(..)
-            | Symbol::Linear(_) => shortened(text),
+        let found = match symbol.op() {
+            Some(op) if op.row().syntax == Syntax::Call => format!("{text}(…)"),
+            Some(_) => format!("{text}…"),
+            None => shortened(text),
         };
         let instead = symbol.reads().and_then(|(feature, _)| {
             feature.spelling(match wanted {

@@ -8,7 +8,8 @@
 use std::f32::consts;
 
 use crate::expr::op::{Op, Sort, Syntax};
-use crate::expr::tree::{Symbol, Tree};
+use crate::expr::symbol::Symbol;
+use crate::expr::tree::Tree;
 
 use super::print::{operands, starts};
 use super::scope::Scope;
@@ -70,13 +71,6 @@ fn typeset(tree: &Tree, starts: &[usize], root: usize, around: Around) -> String
                 let name = Scope::PAPER.spelling(symbol);
                 text.push_str(&format!(r"\mathrm{{{name}}}{index}"));
             }
-            Symbol::Stage(_)
-            | Symbol::Param(_)
-            | Symbol::Offset
-            | Symbol::At(_)
-            | Symbol::Part(_)
-            | Symbol::Many(..)
-            | Symbol::Linear(_) => unreachable!("{PAPER_ALONE}"),
             Symbol::Op(op) => {
                 let roots = operands(op, position, starts);
                 pieces.extend(pattern(op).into_iter().rev().map(|piece| match piece {
@@ -91,6 +85,7 @@ fn typeset(tree: &Tree, starts: &[usize], root: usize, around: Around) -> String
                     }
                 }));
             }
+            _ => unreachable!("{PAPER_ALONE}"),
         }
     }
     text
@@ -155,13 +150,6 @@ fn needs_parentheses(symbol: Symbol, around: Around) -> bool {
         // Vectors stand alone in whatever encloses them.
         Symbol::Vector(_) | Symbol::Gradient(_) => return false,
         Symbol::Variance(_) => return around == Around::Name,
-        Symbol::Stage(_)
-        | Symbol::Param(_)
-        | Symbol::Offset
-        | Symbol::At(_)
-        | Symbol::Part(_)
-        | Symbol::Many(..)
-        | Symbol::Linear(_) => unreachable!("{PAPER_ALONE}"),
         Symbol::Const(literal) => {
             let signed = literal.value().is_sign_negative();
             let scaled = number(literal.value()).contains('^');
@@ -173,6 +161,7 @@ fn needs_parentheses(symbol: Symbol, around: Around) -> bool {
             };
         }
         Symbol::Op(op) => op.row(),
+        _ => unreachable!("{PAPER_ALONE}"),
     };
     // A pattern that starts or ends with an operand is open to its surroundings.
     let open = row.latex.starts_with('#') || row.latex.ends_with(char::is_numeric);

@@ -6,8 +6,9 @@
 //! alternates between two places: where an operand must come, and after one.
 
 use crate::expr::op::{Op, Sort, Syntax};
+use crate::expr::symbol::{LayerRef, Place, Symbol, Variadic};
 use crate::expr::tape::Side;
-use crate::expr::tree::{LayerRef, Place, Symbol, Tree, Variadic};
+use crate::expr::tree::Tree;
 
 use super::MINUS;
 use super::error::{Problem, TextError};

@@ -4,8 +4,9 @@ use std::f32::consts;
 use std::fmt;
 
 use crate::expr::op::{Op, Syntax};
+use crate::expr::symbol::{Literal, Place, Symbol};
 use crate::expr::tape::Side;
-use crate::expr::tree::{Literal, Place, Symbol, Tree};
+use crate::expr::tree::Tree;
 
 use super::PI;
 use super::scope::Scope;
@@ -122,23 +123,10 @@ fn arguments(operands: &[usize], pieces: &mut Vec<Piece>) {
 }
 
 fn needs_parentheses(symbol: Symbol, around: Around) -> bool {
-    let infix = match symbol {
-        Symbol::Op(op) => match op.row().syntax {
-            Syntax::Infix(strength) => Some(strength),
-            Syntax::Prefix | Syntax::Call => None,
-        },
-        Symbol::Const(_)
-        | Symbol::Variance(_)
-        | Symbol::Vector(_)
-        | Symbol::Gradient(_)
-        | Symbol::Stage(_)
-        | Symbol::Param(_)
-        | Symbol::Offset
-        | Symbol::At(_)
-        | Symbol::Part(_)
-        | Symbol::Many(..)
-        | Symbol::Linear(_) => None,
-    };
+    let infix = symbol.op().and_then(|op| match op.row().syntax {
+        Syntax::Infix(strength) => Some(strength),
+        Syntax::Prefix | Syntax::Call => None,
+    });
     match (around, infix) {
         (Around::Nothing, _) => false,
         (Around::Index, Some(_)) => true,

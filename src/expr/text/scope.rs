@@ -4,7 +4,7 @@ use super::{OFFSET, VARIANCE};
 use crate::expr::constants::Constants;
 use crate::expr::feature::{Feature, Quantity};
 use crate::expr::op::Op;
-use crate::expr::tree::{LayerRef, StageSignal, Symbol, Variadic};
+use crate::expr::symbol::{LayerRef, StageSignal, Symbol, Variadic};
 
 /// What a formula may look at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::expr::feature::Feature;
 use crate::expr::op::Op;
-use crate::expr::tree::Symbol;
+use crate::expr::symbol::Symbol;
 
 fn tree(text: &str) -> Tree {
     text.parse().unwrap_or_else(|error| panic!("{error}"))
