@@ -46,7 +46,7 @@ use tamis::evolve::{
 use tamis::expr::Tree;
 use tamis::filter::Window;
 use tamis::plan::{Passes, Precision};
-use tamis::scene::{Image, LoadOptions, Needs, Scene};
+use tamis::scene::{LoadOptions, Needs, Scene, load_reference};
 
 const SCENES: [&str; 6] = ["foundry", "meadow", "old_town", "print_shop", "still_life", "study"];
 
@@ -128,7 +128,7 @@ fn training(radius: u32) -> Vec<TrainingScene> {
         let folder = root.join(name);
         let (options, pad) = (LoadOptions::default(), radius as usize);
         let noisy = Scene::load(&folder.join("4spp.exr"), &Needs::everything(), pad, &options);
-        let reference = Image::load_reference(&folder.join("reference.exr"));
+        let reference = load_reference(&folder.join("reference.exr"));
         TrainingScene::new(noisy.expect("ours"), reference.expect("ours")).expect("of one size")
     };
     SCENES.map(load).into()

@@ -30,8 +30,9 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use tamis::backend::gpu::{Gpu, Options};
+use tamis::backend::reference::oracle;
 use tamis::backend::shader::Loads;
-use tamis::backend::{Backend, Executable, Jit, Rect, oracle};
+use tamis::backend::{Backend, Executable, Jit, Rect};
 use tamis::expr::{Tree, codebook};
 use tamis::filter::Gather;
 use tamis::filter::{Filter, Window};

@@ -24,9 +24,10 @@ use clap::Parser;
 use tamis::backend::{Backend, Executable, Jit, Rect};
 use tamis::expr::codebook;
 use tamis::filter::{Checked, Filter, Window};
-use tamis::plan::{PASSES, Passes, Schedule};
+use tamis::image::{Image, Metrics};
+use tamis::plan::{PASSES, Passes, Plan};
 use tamis::report::{Align, Format, Table, number};
-use tamis::scene::{Facts, Image, LoadOptions, Metrics, Needs, Scene, SceneFiles, discover};
+use tamis::scene::{Facts, LoadOptions, Needs, Scene, SceneFiles, discover, load_reference};
 
 /// Skips measured on scenes.
 #[derive(Parser)]
@@ -140,7 +141,7 @@ fn table(arguments: &Arguments, filters: &[Filter], scenes: &[SceneFiles]) -> Ta
         rows.extend(scenes.iter().map(|scene| (name, scene.name.as_str(), Vec::new())));
     }
     for scene in scenes {
-        let reference = Image::load_reference(&scene.reference).expect("a reference");
+        let reference = load_reference(&scene.reference).expect("a reference");
         for filter in filters {
             let passes = passes(arguments, scene, &reference, filter);
             let all = passes.into_iter().chain([liveness(arguments, scene, &reference, filter)]);
@@ -230,10 +231,10 @@ fn load(files: &SceneFiles, filter: &Filter, needs: &Needs) -> Scene {
 }
 
 fn compile(scene: &Scene, filter: &Filter, passes: Passes) -> Box<dyn Executable> {
-    let schedule = Schedule::new(&checked(filter), &Facts::of(scene), passes)
+    let schedule = Plan::of(&checked(filter), &Facts::of(scene), passes)
         .expect("the scene has what the filter reads");
     let jit = Jit::new().expect("the host has a code generator");
-    jit.schedule(&schedule).expect("a plan of moderate size")
+    jit.compile(&schedule).expect("a plan of moderate size")
 }
 
 fn run(code: &dyn Executable, scene: &Scene) -> Image {

@@ -19,9 +19,10 @@ use std::process::Command;
 use tamis::backend::{Backend, Jit, Rect};
 use tamis::expr::{Feature, Quantity};
 use tamis::filter::{Filter, Gather};
+use tamis::image::{Image, Metrics};
 use tamis::plan::{Passes, Plan};
 use tamis::report::{Align, Format, Table, number};
-use tamis::scene::{Facts, Image, LoadOptions, Metrics, Needs, RawScene, Repair, SceneFiles};
+use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Repair, SceneFiles, load_reference};
 
 #[path = "../src/cli/bench/pfm.rs"]
 mod pfm;
@@ -65,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let files = tamis::scene::discover(&[folder])?;
     let SceneFiles { noisy, reference, .. } = files.first().ok_or("no scene")?;
     let raw = RawScene::read(noisy, &Needs::everything(), &LoadOptions::default())?;
-    let reference = Image::load_reference(reference)?;
+    let reference = load_reference(reference)?;
 
     let filter = Filter::read(Path::new(FILTER))?;
     let Some(stage) = filter.paper() else { return Err("a filter of one gather".into()) };

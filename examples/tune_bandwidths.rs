@@ -19,7 +19,7 @@ use tamis::backend::Interpreter;
 use tamis::evolve::{Coverage, Fitness, ImageFitness, TrainingScene};
 use tamis::expr::{Tree, codebook};
 use tamis::filter::Window;
-use tamis::scene::{ColorScale, Image, LoadOptions, Needs, Scene, discover};
+use tamis::scene::{ColorScale, LoadOptions, Needs, Scene, discover, load_reference};
 
 const RADIUS: u32 = 10;
 
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = LoadOptions { color_scale, ..LoadOptions::default() };
     let load = |noisy, reference| -> Result<TrainingScene, Box<dyn Error>> {
         let scene = Scene::load(noisy, &Needs::everything(), RADIUS as usize, &options)?;
-        Ok(TrainingScene::new(scene, Image::load_reference(reference)?)?)
+        Ok(TrainingScene::new(scene, load_reference(reference)?)?)
     };
     let files = discover(&["data/train"])?;
     let scenes: Result<Vec<_>, _> = files.iter().map(|f| load(&f.noisy, &f.reference)).collect();

@@ -46,7 +46,8 @@
 //! - [`expr`]: the language. [`expr::Op`] is the operator table,
 //!   [`expr::Feature`] the features, [`expr::Tree`] an expression,
 //!   [`expr::tape`] the primitives that everything is made of.
-//! - [`scene`]: EXR files to normalised planes and facts about them; metrics.
+//! - [`image`]: images, OpenEXR files, metrics.
+//! - [`scene`]: features to normalised planes and facts about them.
 //! - [`plan`]: the passes; filters and their files.
 //! - [`backend`]: interpreter, machine code, and the exact oracle.
 //! - [`evolve`]: the search.
@@ -62,6 +63,7 @@ pub mod evolve;
 pub mod export;
 pub mod expr;
 pub mod filter;
+pub mod image;
 pub mod plan;
 pub mod report;
 pub mod scene;

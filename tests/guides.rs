@@ -5,8 +5,9 @@ use std::path::Path;
 use tamis::backend::{Backend, Interpreter, Rect};
 use tamis::expr::{Feature, PlaneId, Quantity};
 use tamis::filter::Filter;
+use tamis::image::{Image, Metrics};
 use tamis::plan::{Passes, Plan};
-use tamis::scene::{Facts, Image, LoadOptions, Metrics, Needs, Note, RawScene};
+use tamis::scene::{Facts, LoadOptions, Needs, Note, RawScene};
 
 /// A wall of 32 by 32 pixels with a lamp of 3 by 3 in its middle.
 const SIZE: usize = 32;

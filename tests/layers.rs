@@ -9,6 +9,7 @@ use syn::visit::{self, Visit};
 /// The floors, lowest first; rooms on one floor do not know each other.
 const FLOORS: &[&[&str]] = &[
     &["expr"],
+    &["image"],
     &["scene"],
     &["filter"],
     &["plan"],

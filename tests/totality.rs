@@ -14,7 +14,7 @@ use tamis::expr::tape::{Axis, Input, Instr, Side, Tape};
 use tamis::expr::tree::component_pairs;
 use tamis::expr::{Feature, PlaneId, Quantity, Symbol, Tree};
 use tamis::filter::Window;
-use tamis::plan::{PASSES, Passes, Plan, Precision, Tapes};
+use tamis::plan::{PASSES, Passes, Precision, Tapes, WindowPlan};
 use tamis::scene::{Fact, Facts};
 
 /// Trees, and pairs of pixels that each is evaluated for.
@@ -277,11 +277,11 @@ fn any_tree_on_any_numbers_is_finite_enclosed_and_the_same_with_every_pass() {
         let tree = vocabulary.random_tree(&mut rng, limits);
         let facts = facts(&mut rng);
         let known = Facts::from_planes(facts.iter().map(|(&plane, &fact)| (plane, fact)));
-        let plans: Vec<Plan> = ways
+        let plans: Vec<WindowPlan> = ways
             .iter()
             .map(|(_, passes)| {
                 let weights = std::slice::from_ref(&tree);
-                Plan::new(weights, window, &known, *passes).expect("every plane is known")
+                WindowPlan::new(weights, window, &known, *passes).expect("every plane is known")
             })
             .collect();
         for _ in 0..PAIRS {

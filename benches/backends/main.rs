@@ -34,13 +34,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
-use tamis::backend::{Backend, Executable, Filtered, Interpreter, Jit, Rect, Width, oracle};
+use tamis::backend::reference::oracle;
+use tamis::backend::{Backend, Executable, Filtered, Interpreter, Jit, Rect, Width};
 use tamis::evolve::{Coverage, Fitness, ImageFitness, TrainingScene};
 use tamis::expr::{Tree, codebook};
 use tamis::filter::{Filter, Gather, Window};
-use tamis::plan::{Passes, Plan, Precision};
+use tamis::plan::{Passes, Plan, Precision, WindowPlan};
 use tamis::report::{Align, Format, Table, number};
-use tamis::scene::{Facts, Image, LoadOptions, Needs, Scene, SceneFiles, discover};
+use tamis::scene::{Facts, LoadOptions, Needs, Scene, SceneFiles, discover, load_reference};
 
 use compiled::{Nest, Supply, Variant};
 
@@ -134,9 +135,10 @@ fn error(scene: &Scene, weight: &Tree, code: &dyn Executable) -> f64 {
 }
 
 /// What `export` makes of a weight: one tape, for any scene.
-fn exported_plan(weight: &Tree, radius: u32, precision: Precision) -> Plan {
+fn exported_plan(weight: &Tree, radius: u32, precision: Precision) -> WindowPlan {
     let passes = Passes { rate: false, symmetry: false, precision, ..Passes::ALL };
-    Plan::new(std::slice::from_ref(weight), Window::dense(radius), &Facts::of_any_scene(), passes)
+    let weights = std::slice::from_ref(weight);
+    WindowPlan::new(weights, Window::dense(radius), &Facts::of_any_scene(), passes)
         .expect("any scene has what the grammar knows")
 }
 
@@ -221,7 +223,7 @@ impl Setting {
         let own = self.plan(weight, precision);
         let alike = exported_plan(weight, RADIUS, precision);
         let compile = |plan: &Plan| self.widest().compile(plan).expect("a plan of moderate size");
-        let codes = [&own, &alike].map(compile);
+        let codes = [&own, &alike.clone().into()].map(compile);
         let source = compiled::Source::new(weight, RADIUS, precision);
         let variants = self.arguments.cc.iter().flat_map(|compiler| Variant::of(compiler));
         let nests: Vec<(Nest<'_>, Variant)> =
@@ -301,7 +303,7 @@ impl Setting {
         let load = |files: &SceneFiles| {
             let options = LoadOptions::default();
             let scene = Scene::load(&files.noisy, &Needs::everything(), pad, &options);
-            let reference = Image::load_reference(&files.reference).expect("its reference");
+            let reference = load_reference(&files.reference).expect("its reference");
             TrainingScene::new(scene.expect("the project's own scene"), reference)
                 .expect("the same size")
         };

@@ -15,7 +15,7 @@ use std::path::Path;
 use libfuzzer_sys::fuzz_target;
 use tamis::backend::{Backend, Interpreter, Jit, Rect, Width};
 use tamis::filter::Filter;
-use tamis::plan::Schedule;
+use tamis::plan::Plan;
 use tamis::scene::Facts;
 
 use shared::{bits, passes, scene};
@@ -34,10 +34,10 @@ fuzz_target!(|data: [u8; 15]| {
     let scene = scene((width, height), PAD, u16::from_le_bytes([scene_low, scene_high]));
     let passes = passes(u16::from_le_bytes([low, high]));
     let checked = filter.check().expect("parsed filters make sense");
-    let schedule = Schedule::new(&checked, &Facts::of(&scene), passes);
+    let schedule = Plan::of(&checked, &Facts::of(&scene), passes);
     let schedule = schedule.expect("the scene has every feature");
     let run = |backend: &dyn Backend, rect: Rect| {
-        let code = backend.schedule(&schedule).ok()?;
+        let code = backend.compile(&schedule).ok()?;
         Some(code.run(&scene, &[rect]).expect("the scene has what the program reads"))
     };
     let whole = Rect::whole(&scene);

@@ -1,8 +1,8 @@
-//! Floor 3: back ends run plans on scenes. They contain no policy: what is
+//! Floor 5: back ends run plans on scenes. They contain no policy: what is
 //! computed, and what is skipped, was decided in the plan.
 //!
 //! Two back ends run on the CPU and give the same bits: [`Interpreter`], the
-//! reference, and [`Jit`], machine code. The [`oracle`] computes a filter's
+//! reference, and [`Jit`], machine code. The [`reference`] room computes a filter's
 //! exact meaning in f64; it is no back end, but what back ends are held to.
 //!
 //! **The sum.** Σ c·w and Σ w are accumulated by fused multiply-adds per run of
@@ -16,37 +16,23 @@
 //! **The guard.** Where Σ w cannot be trusted the noisy colour stays, and is
 //! counted: see [`TRUSTED_SUM`] and [`TRUSTED_SHARE`].
 
-mod band;
-mod block;
-mod converged;
 mod cpu;
-mod exact;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-mod interp;
-#[cfg(feature = "jit")]
-mod jit;
-pub mod meaning;
-#[cfg(test)]
-mod numerics;
-pub mod oracle;
-mod program;
-mod rows;
+pub mod reference;
 #[cfg(feature = "gpu")]
 pub mod shader;
-mod sums;
-#[cfg(feature = "gpu")]
-pub mod wgsl;
 
-use crate::plan::{Plan, Precision, Program, Schedule};
+use crate::filter::Filter;
+use crate::plan::{Plan, Precision};
 use crate::scene::{Fact, Facts, Scene};
 
-pub use exact::Exact;
+pub use cpu::Interpreter;
+#[cfg(feature = "jit")]
+pub use cpu::Jit;
 #[cfg(feature = "gpu")]
 pub use gpu::Gpu;
-pub use interp::Interpreter;
-#[cfg(feature = "jit")]
-pub use jit::Jit;
+pub use reference::Exact;
 #[cfg(feature = "jit")]
 pub use tamis_jit::{Chains, Features, Width};
 
@@ -206,32 +192,20 @@ pub trait Backend: Send + Sync {
     /// How its results compare to the interpreter's.
     fn agreement(&self) -> Agreement;
 
-    /// Whether it runs filters of several stages.
-    fn runs_programs(&self) -> bool {
-        false
+    /// Checks that it runs filters of this kind.
+    ///
+    /// # Errors
+    /// If it does not.
+    fn supports(&self, _filter: &Filter) -> Result<(), BackendError> {
+        Ok(())
     }
 
     /// Makes a plan executable.
+    ///
+    /// # Errors
+    /// If that fails, or the plan is of a filter that it does not
+    /// [support](Self::supports).
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError>;
-
-    /// Makes a program executable.
-    ///
-    /// # Errors
-    /// If that fails, or the back end runs no programs.
-    fn program(&self, program: &Program) -> Result<Box<dyn Executable>, BackendError> {
-        Err(BackendError::Unsupported { backend: self.name(), stages: program.filter.stages.len() })
-    }
-
-    /// Makes a filter's schedule executable.
-    ///
-    /// # Errors
-    /// As [`compile`](Self::compile) and [`program`](Self::program).
-    fn schedule(&self, schedule: &Schedule) -> Result<Box<dyn Executable>, BackendError> {
-        match schedule {
-            Schedule::Paper(plan) => self.compile(plan),
-            Schedule::Program(program) => self.program(program),
-        }
-    }
 }
 
 /// A plan in executable form.
@@ -242,7 +216,7 @@ pub trait Executable: Send + Sync {
     ///
     /// # Errors
     /// If the scene lacks a plane that the plan's weights read; if the code relies on the
-    /// plan's [facts](Plan::facts) and they do not hold of the scene; if a rectangle lies
+    /// plan's [facts](crate::plan::WindowPlan::facts) and they do not hold of the scene; if a rectangle lies
     /// outside of it; if the device fails.
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
 }

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 use super::error::Error;
 use crate::backend::{Backend, Rect};
 use crate::filter::{Checked, Filter, Gather};
-use crate::plan::{Passes, Schedule};
-use crate::scene::{Facts, Image, Needs, Scene};
+use crate::image::Image;
+use crate::plan::{Passes, Plan};
+use crate::scene::{Facts, Needs, Scene};
 
 /// A filtered image, and what it took.
 pub(super) struct Applied {
@@ -53,13 +54,15 @@ pub(super) fn apply(
         |source| Error::Run { scene: scene_name.to_owned(), filter: filter_name.clone(), source };
 
     let start = Instant::now();
-    let plan = Schedule::new(&checked, &Facts::of(scene), passes).map_err(|source| {
-        Error::Plan { scene: scene_name.to_owned(), filter: filter_name.clone(), source }
+    let plan = Plan::of(&checked, &Facts::of(scene), passes).map_err(|source| Error::Plan {
+        scene: scene_name.to_owned(),
+        filter: filter_name.clone(),
+        source,
     })?;
     let planning = start.elapsed();
 
     let start = Instant::now();
-    let executable = backend.schedule(&plan).map_err(failed)?;
+    let executable = backend.compile(&plan).map_err(failed)?;
     let compilation = start.elapsed();
 
     let start = Instant::now();

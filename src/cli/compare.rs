@@ -6,9 +6,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::error::Error;
+use crate::image::Comparison;
 use crate::report::score::{MetricsJson, json};
 use crate::report::{Align, Format, Table, number};
-use crate::scene::{Comparison, Image};
+use crate::scene::load_image;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -43,8 +44,8 @@ pub(super) struct Compare {
 
 impl Compare {
     pub(super) fn run(&self) -> Result<String, Error> {
-        let image = Image::load(&self.image)?;
-        let reference = Image::load(&self.reference)?;
+        let image = load_image(&self.image)?;
+        let reference = load_image(&self.reference)?;
         let Comparison { metrics, left_out, bad } = Comparison::of(&image, &reference)?;
         if self.json {
             let metrics = MetricsJson::of(&metrics);

@@ -8,6 +8,7 @@ use crate::backend::BackendError;
 use crate::evolve;
 use crate::export::ExportError;
 use crate::filter::FilterFileError;
+use crate::image::ImageError;
 use crate::plan::PlanError;
 use crate::scene::SceneError;
 
@@ -17,9 +18,12 @@ pub(super) enum Error {
     /// The command line asks for what makes no sense.
     #[error("{0}\nFor more information, try '--help'.")]
     Usage(String),
-    /// A scene or an image.
+    /// A scene.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// An image, or a file.
+    #[error(transparent)]
+    Image(#[from] ImageError),
     /// What `--scenes` names is not there.
     #[error(
         "{path}: no such file or folder; name folders with 4spp.exr and reference.exr in them, or \
@@ -176,6 +180,7 @@ impl Error {
             Self::Gpu(_) => 1,
             Self::Usage(_) | Self::Search(evolve::Error::Setting { .. }) => 2,
             Self::Scene(_)
+            | Self::Image(_)
             | Self::NoSuchScenes { .. }
             | Self::FilterFile(_)
             | Self::Search(_)

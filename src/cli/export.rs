@@ -11,8 +11,8 @@ use super::error::Error;
 use super::resolve::resolve;
 use crate::export::{ExportError, Language, export};
 use crate::filter::Window;
+use crate::image::write_atomically;
 use crate::plan::Precision;
-use crate::scene::write_atomically;
 
 const EXAMPLES: &str = "\
 Examples:

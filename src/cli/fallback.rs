@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::log::Log;
 use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
-use crate::plan::{Plan, Program};
+use crate::filter::Filter;
+use crate::plan::Plan;
 use crate::scene::Scene;
 
 /// A back end, and another that takes over when it fails.
@@ -59,6 +60,11 @@ impl Backend for Fallback {
         self.first.agreement()
     }
 
+    fn supports(&self, filter: &Filter) -> Result<(), BackendError> {
+        self.first.supports(filter).or_else(|_| self.behind.second.supports(filter))
+    }
+
+    /// A back end that does not support a filter has not failed: the next may be another.
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
         if self.behind.failed.load(Ordering::Relaxed) {
             return self.behind.second.compile(plan);
@@ -68,22 +74,11 @@ impl Backend for Fallback {
                 let (plan, behind) = (plan.clone(), self.behind.clone());
                 Ok(Box::new(Compiled { first, plan, behind }))
             }
+            Err(BackendError::Unsupported { .. }) => self.behind.second.compile(plan),
             Err(error) => {
                 self.behind.take_over(&error);
                 self.behind.second.compile(plan)
             }
-        }
-    }
-
-    fn runs_programs(&self) -> bool {
-        self.first.runs_programs() || self.behind.second.runs_programs()
-    }
-
-    /// A back end that runs no programs has not failed: the next filter may be another.
-    fn program(&self, program: &Program) -> Result<Box<dyn Executable>, BackendError> {
-        match self.first.program(program) {
-            Err(BackendError::Unsupported { .. }) => self.behind.second.program(program),
-            other => other,
         }
     }
 }
@@ -100,10 +95,19 @@ impl Executable for Compiled {
         if self.behind.failed.load(Ordering::Relaxed) {
             return self.behind.run(&self.plan, scene, region);
         }
-        self.first.run(scene, region).or_else(|error| {
-            self.behind.take_over(&error);
-            self.behind.run(&self.plan, scene, region)
-        })
+        match self.first.run(scene, region) {
+            // What a scene lacks, or a plan takes for granted of it, is no failure of the GPU.
+            Err(
+                error @ (BackendError::Unlike { .. }
+                | BackendError::NotLoaded(_)
+                | BackendError::Outside { .. }),
+            ) => Err(error),
+            Err(error) => {
+                self.behind.take_over(&error);
+                self.behind.run(&self.plan, scene, region)
+            }
+            filtered => filtered,
+        }
     }
 }
 

@@ -132,8 +132,7 @@ impl Filters {
             dilation: gather.window.dilation,
         });
         let stages = stages.collect();
-        let default =
-            shipped::by_preference(true).next().is_some_and(|best| best.name == filter.name);
+        let default = shipped::by_preference().next().is_some_and(|best| best.name == filter.name);
         Entry { name: filter.name, description, default, stage_count, stages }
     }
 }

@@ -11,10 +11,10 @@ use serde::Serialize;
 use super::error::Error;
 use super::host;
 use crate::expr::{Feature, PlaneId, Quantity};
+use crate::image::exr::{Channel, Part};
 use crate::report::score::json;
 use crate::report::{Align, Format, Table, number};
 use crate::scene::defect::Defect;
-use crate::scene::exr::{Channel, Part};
 use crate::scene::inspect::{Finding, Inspection, Scan, Scans};
 
 const EXAMPLES: &str = "\

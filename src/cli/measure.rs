@@ -6,9 +6,10 @@ use super::log::Log;
 use super::options::Running;
 use crate::backend::Backend;
 use crate::filter::Filter;
+use crate::image::Metrics;
 use crate::plan::Passes;
 use crate::report::{Measured, Score, ScoreTable, Total};
-use crate::scene::{Image, LoadOptions, Metrics, Needs, Scene, SceneFiles};
+use crate::scene::{LoadOptions, Needs, Scene, SceneFiles, load_reference};
 
 /// How to measure.
 pub(super) struct Measuring<'a> {
@@ -47,7 +48,7 @@ impl<'a> Measuring<'a> {
         let mut scores = Vec::with_capacity(scenes.len());
         for files in scenes {
             let scene = self.load(files, filters)?;
-            let reference = Image::load_reference(&files.reference)?;
+            let reference = load_reference(&files.reference)?;
             for note in scene.notes() {
                 log.say(format_args!("{}: {note}", files.noisy.display()));
             }

@@ -1,4 +1,4 @@
-//! Floor 5: the command line, one file per command.
+//! Floor 8: the command line, one file per command.
 //!
 //! What holds of every command:
 //! - What it finds out goes to stdout, and nothing else does: a command

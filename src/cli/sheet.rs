@@ -9,9 +9,10 @@ use super::log::Log;
 use super::measure::Measuring;
 use super::options::Running;
 use super::{scenes, score};
+use crate::image::{Image, Metrics};
 use crate::report::sheet::{Panel, sheet};
 use crate::report::{Picture, number};
-use crate::scene::{Image, Metrics};
+use crate::scene::load_reference;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -93,7 +94,7 @@ impl Sheet {
         };
         let measuring = Measuring::with(&self.running, &*backend);
         let scene = measuring.load(files, &filters)?;
-        let reference = Image::load_reference(&files.reference)?;
+        let reference = load_reference(&files.reference)?;
         let noisy = scene.noisy();
         self.check_crop(noisy.size())?;
         let panel = |title: &str, image: &Image| -> Result<Panel, Error> {

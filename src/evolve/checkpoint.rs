@@ -11,7 +11,7 @@ use super::islands::{Population, best};
 use super::memo::Memo;
 use super::race::Work;
 use super::settings::Settings;
-use crate::scene::write_atomically;
+use crate::image::write_atomically;
 
 /// The layout of the file; raised with every change to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

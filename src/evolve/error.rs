@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::expr::text::TextError;
-use crate::scene::SceneError;
+use crate::image::ImageError;
 
 /// Everything that this floor's functions can fail with.
 #[derive(Debug, thiserror::Error)]
@@ -41,7 +41,7 @@ pub enum Error {
     },
     /// A file cannot be written.
     #[error(transparent)]
-    Write(#[from] SceneError),
+    Write(#[from] ImageError),
     /// A file is no checkpoint.
     #[error("{} is not a checkpoint that this version can resume", path.display())]
     Checkpoint {

@@ -1,4 +1,4 @@
-//! Floor 4: the genetic search for filters (Section 4 of the paper).
+//! Floor 7: the genetic search for filters (Section 4 of the paper).
 //!
 //! A [`Search`] takes [`Settings`] and a [`Fitness`] and breeds expressions
 //! that make the fitness small:

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use crate::expr::Tree;
 use crate::expr::grammar::Primitives;
+use crate::image::metric::Measure;
 use crate::plan::Precision;
-use crate::scene::metric::Measure;
 
 /// Expressions in one plan, unless told otherwise. A population bred for twenty
 /// generations takes 0.53 of its time one by one in plans of 4, 0.42 in plans of 8 and of

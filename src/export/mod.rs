@@ -1,4 +1,4 @@
-//! Floor 4: filters as text that others can paste into their renderer or their
+//! Floor 7: filters as text that others can paste into their renderer or their
 //! paper.
 //!
 //! A filter is exported as its weight function and a complete kernel around it,
@@ -36,7 +36,7 @@ use crate::expr::feature::{Feature, Quantity};
 use crate::expr::tree::Tree;
 use crate::filter::{Filter, Gather};
 use crate::plan::Precision;
-use crate::plan::{Passes, Plan, PlanError};
+use crate::plan::{Passes, PlanError, WindowPlan};
 use crate::scene::Facts;
 
 /// Why a filter cannot be exported.
@@ -44,8 +44,8 @@ use crate::scene::Facts;
 pub enum ExportError {
     /// A filter of a later version's kind.
     #[error(
-        "filter `{filter}` has {stages} stages; this version exports filters of one stage: \
-         split it up, or update the program"
+        "filter `{filter}` has {stages} stages or stand-ins for features; only filters of one \
+         gather of the colour are exported"
     )]
     Stages {
         /// The filter's name.
@@ -100,7 +100,7 @@ struct Subject<'a> {
     weight: &'a Tree,
     /// The weight as one tape, for any scene: all of it per pair, but for the
     /// offsets, which are the tap tape's results.
-    plan: Plan,
+    plan: WindowPlan,
 }
 
 impl<'a> Subject<'a> {
@@ -112,8 +112,9 @@ impl<'a> Subject<'a> {
         };
         // In one piece: a compiler moves what does not depend on the pair itself.
         let passes = Passes { rate: false, symmetry: false, precision, ..Passes::ALL };
-        let plan = Plan::new(std::slice::from_ref(weight), *window, &Facts::of_any_scene(), passes)
-            .map_err(|source| ExportError::Plan { filter: name.to_owned(), source })?;
+        let plan =
+            WindowPlan::new(std::slice::from_ref(weight), *window, &Facts::of_any_scene(), passes)
+                .map_err(|source| ExportError::Plan { filter: name.to_owned(), source })?;
         Ok(Self { name, identifier: identifier::of(name), weight, plan })
     }
 }

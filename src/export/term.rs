@@ -1,7 +1,7 @@
 //! What a weight looks at of a pixel, as exports name it.
 
 use crate::expr::feature::{Feature, FeatureRow, PlaneId, Quantity};
-use crate::plan::Plan;
+use crate::plan::WindowPlan;
 
 /// One quantity of one feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,7 +12,7 @@ pub(super) struct Term {
 
 impl Term {
     /// The terms that a plan reads, in the table's order.
-    pub(super) fn of(plan: &Plan) -> Vec<Self> {
+    pub(super) fn of(plan: &WindowPlan) -> Vec<Self> {
         let planes = plan.planes();
         let read = |&(feature, quantity): &(Feature, Quantity)| {
             planes.iter().any(|plane| (plane.feature, plane.quantity) == (feature, quantity))

@@ -1,4 +1,4 @@
-//! Floor 2: filters as programs, which say *what* is computed and nothing of how.
+//! Floor 3: filters as programs, which say *what* is computed and nothing of how.
 //!
 //! A [`Filter`] is a list of named stages of two kinds, and there is no third:
 //!
@@ -191,11 +191,12 @@ impl Filter {
         Self { name: name.into(), stages: vec![stage], constants, absent: Vec::new() }
     }
 
-    /// The gather, if the filter is one of the paper's: one gather of the noisy colour.
+    /// The gather, if the filter is one of the paper's: one gather of the noisy colour, in
+    /// which nothing stands in for features.
     pub fn paper(&self) -> Option<&Gather> {
         match self.stages.as_slice() {
             [Stage { kind: StageKind::Gather(gather), grid: Grid::Full, .. }]
-                if gather.is_paper() =>
+                if gather.is_paper() && self.absent.is_empty() =>
             {
                 Some(gather)
             }

@@ -107,13 +107,12 @@ pub fn stand_ins() -> impl Iterator<Item = Filter> {
     })
 }
 
-/// All filters to choose from, the best first, with or without programs. The last needs
-/// colour alone.
-pub fn by_preference(with_programs: bool) -> impl Iterator<Item = Filter> {
+/// All filters to choose from, the best first. The last is of one window and needs colour
+/// alone.
+pub fn by_preference() -> impl Iterator<Item = Filter> {
     let last = codebook::named(LAST).expect("a test looks it up").clone();
     let last = Filter::single(LAST, last, Window::DEFAULT_RADIUS);
-    let programs = with_programs.then(programs).into_iter().flatten();
-    programs.chain(bred()).chain(stand_ins()).chain([last])
+    programs().chain(bred()).chain(stand_ins()).chain([last])
 }
 
 /// A filter for a file, and why it is not the best there is.
@@ -127,15 +126,17 @@ pub struct Choice {
     pub lacking: Vec<Feature>,
 }
 
-/// Chooses for a file that provides colour and what `provides` says, and a back end that
-/// runs programs or does not.
-pub fn choose(with_programs: bool, provides: impl Fn(PlaneId) -> bool) -> Choice {
-    let mut filters = by_preference(with_programs).peekable();
+/// Chooses one that `may` be taken, for a file that provides colour and what `provides` says.
+///
+/// # Panics
+/// If no filter of one window may be taken.
+pub fn choose(may: impl Fn(&Filter) -> bool, provides: impl Fn(PlaneId) -> bool) -> Choice {
+    let mut filters = by_preference().filter(may).peekable();
     let best = filters.peek().expect("there is a last one");
     let (name, lacking) = (best.name.clone(), best.lacking(&provides));
     let filter = filters.find(|filter| filter.lacking(&provides).is_empty());
     // A file without colour is refused when it is loaded, whatever is chosen.
-    let filter = filter.or_else(|| by_preference(false).last()).expect("there is a last one");
+    let filter = filter.or_else(|| by_preference().last()).expect("there is a last one");
     Choice { filter, best: name, lacking }
 }
 
@@ -145,10 +146,13 @@ mod tests {
     use crate::expr::feature::Quantity;
 
     fn chosen(features: &[Feature]) -> Choice {
-        choose(false, |plane| {
-            let given = [Feature::Pixel, Feature::Color].contains(&plane.feature);
-            given || features.contains(&plane.feature)
-        })
+        choose(
+            |filter| filter.paper().is_some(),
+            |plane| {
+                let given = [Feature::Pixel, Feature::Color].contains(&plane.feature);
+                given || features.contains(&plane.feature)
+            },
+        )
     }
 
     #[test]
@@ -194,9 +198,8 @@ mod tests {
             Feature::DirIllumination,
         ];
         let place = |choice: &Choice| {
-            by_preference(false)
-                .position(|filter| filter == choice.filter)
-                .expect("it is one of them")
+            let mut single = by_preference().filter(|filter| filter.paper().is_some());
+            single.position(|filter| filter == choice.filter).expect("it is one of them")
         };
         let of = |set: usize| -> Vec<Feature> {
             (0..guides.len()).filter(|k| set >> k & 1 == 1).map(|k| guides[k]).collect()
@@ -213,9 +216,12 @@ mod tests {
             }
         }
         let with = |albedo: bool| {
-            choose(true, |plane| {
-                plane.feature == Feature::Color || (albedo && plane.feature == Feature::Texture)
-            })
+            choose(
+                |_| true,
+                |plane| {
+                    plane.feature == Feature::Color || (albedo && plane.feature == Feature::Texture)
+                },
+            )
         };
         assert_eq!(with(true).filter.name, "tamis-3");
         assert_eq!(with(false).filter.name, LAST);

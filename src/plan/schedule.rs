@@ -24,7 +24,8 @@ use std::ops::Range;
 use super::fuse::{fuse, number};
 use super::kernel::{BoxKernel, Columns, Edges, GatherKernel, Kernel, MapKernel, ResampleKernel};
 use super::lower::{self, Read, Surroundings};
-use super::{Passes, Plan, PlanError, assumed, feature_range};
+use super::window::{Around, Averaged};
+use super::{Passes, PlanError, WindowPlan, assumed, feature_range};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::interval::Interval;
@@ -66,6 +67,14 @@ pub struct Program {
 }
 
 impl Program {
+    /// Schedules a filter for scenes of which these facts are known.
+    ///
+    /// # Errors
+    /// If a feature is absent that the filter cannot do without.
+    pub fn new(filter: &Checked<'_>, facts: &Facts, passes: Passes) -> Result<Self, PlanError> {
+        Scheduler::new(filter, facts, passes)?.program()
+    }
+
     /// The rows that each kernel has to compute, on its own grid, for these rows of the
     /// result of an image of so many.
     pub fn needed(&self, rows: Range<usize>, height: usize) -> Vec<Range<usize>> {
@@ -90,41 +99,6 @@ impl Program {
             }
         }
         needed
-    }
-}
-
-/// What a filter becomes: the only thing that back ends run filters from.
-#[derive(Clone, Debug)]
-pub enum Schedule {
-    /// A filter of the paper's: one weight over the noisy colour.
-    Paper(Box<Plan>),
-    /// A program.
-    Program(Box<Program>),
-}
-
-impl Schedule {
-    /// Schedules a filter for scenes of which these facts are known.
-    ///
-    /// # Errors
-    /// If a feature is absent that the filter cannot do without.
-    pub fn new(filter: &Checked<'_>, facts: &Facts, passes: Passes) -> Result<Self, PlanError> {
-        if let Some(gather) = filter.filter().paper()
-            && filter.filter().absent.is_empty()
-        {
-            let weights = std::slice::from_ref(&gather.weight);
-            let plan = Plan::new(weights, gather.window, facts, passes)?;
-            return Ok(Self::Paper(Box::new(plan)));
-        }
-        let program = Scheduler::new(filter, facts, passes)?.program()?;
-        Ok(Self::Program(Box::new(program)))
-    }
-
-    /// The features' planes that are read.
-    pub fn inputs(&self) -> BTreeSet<PlaneId> {
-        match self {
-            Self::Paper(plan) => plan.planes(),
-            Self::Program(program) => program.inputs.clone(),
-        }
     }
 }
 
@@ -377,18 +351,10 @@ impl<'a> Scheduler<'a> {
         let channels = averaged.len() + usize::from(variance.is_some()) + 1;
         let range = |source| self.range(source);
         let constants = &self.filter.filter().constants;
+        let around = Around { range: &range, step: self.grid.step() as i32, constants };
+        let averaged_by = Averaged { channels, squared: variance.is_some() };
         let weights = std::slice::from_ref(&weight);
-        let squared = variance.is_some();
-        let plan = Plan::gather(
-            weights,
-            gather.window,
-            &range,
-            self.grid.step() as i32,
-            constants,
-            channels,
-            squared,
-            self.passes,
-        )?;
+        let plan = WindowPlan::gather(weights, gather.window, around, averaged_by, self.passes)?;
         let whole = Interval::new(-LIMIT, LIMIT);
         let hull = |range: Interval| match plan.signed() || !self.passes.facts {
             true => whole,
@@ -436,7 +402,7 @@ impl<'a> Scheduler<'a> {
     /// Adds the kernels of a gather: a map for what is computed per pixel, and the loop.
     fn push_gather(
         &mut self,
-        plan: &Plan,
+        plan: &WindowPlan,
         channels: Vec<StagePlane>,
         writes: Vec<(StagePlane, Interval)>,
         variance: Option<(StagePlane, StagePlane, Interval)>,
@@ -519,7 +485,7 @@ impl<'a> Scheduler<'a> {
 const SEPARATED: u32 = 3;
 
 /// Whether a plan's weight is one number, which is large enough to be trusted.
-fn has_equal_weights(plan: &Plan) -> bool {
+fn has_equal_weights(plan: &WindowPlan) -> bool {
     let (pair, total) = (plan.pair(), plan.support() == plan.window());
     let weight = match pair.instr(pair.results()[0]) {
         Instr::Const(bits) => f32::from_bits(bits),

@@ -1,4 +1,4 @@
-//! Floor 4: what people get to see: tables, pictures, pages.
+//! Floor 7: what people get to see: tables, pictures, pages.
 //!
 //! Text is made here, and written elsewhere: a report is a value that a command
 //! prints or saves. Numbers are formatted in [`number`] and nowhere else, so

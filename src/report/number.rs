@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::scene::Metrics;
+use crate::image::Metrics;
 
 /// An error figure (RelMSE, MSE): three significant digits, and never so few
 /// that two filters that differ by a percent look alike.

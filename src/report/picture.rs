@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use crate::scene::metric::srgb;
-use crate::scene::{Image, SceneError, write_atomically};
+use crate::image::metric::srgb;
+use crate::image::{Image, ImageError, write_atomically};
 
 /// An 8-bit sRGB picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -92,7 +92,7 @@ impl Picture {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), SceneError> {
+    pub fn save(&self, path: &Path) -> Result<(), ImageError> {
         write_atomically(path, &self.to_png())
     }
 }

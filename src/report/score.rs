@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::number;
 use super::table::{Align, Format, Table};
-use crate::scene::Metrics;
+use crate::image::Metrics;
 
 /// What a filter did to a scene.
 #[derive(Clone, Copy, Debug)]

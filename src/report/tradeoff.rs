@@ -14,7 +14,7 @@ use super::chart::{Chart, Point, Series};
 use super::number;
 use super::score::{MetricsJson, Total, json};
 use super::table::{Align, Format, Table};
-use crate::scene::Metrics;
+use crate::image::Metrics;
 
 /// A scene that was filtered.
 #[derive(Clone, Debug)]

@@ -15,8 +15,8 @@
 
 use rayon::prelude::*;
 
-use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, Quantity};
+use crate::image::is_good;
 
 /// Depths from here on may stand for "nothing hit" (Blender writes 1e10, which
 /// antialiasing can mix down; others 1e30 or infinity) …
@@ -33,12 +33,6 @@ const FIREFLY: f32 = 16.0;
 /// How far around a pixel is looked, and up to how many pixels of the image.
 const AROUND: usize = 2;
 const SAMPLED: usize = 1 << 14;
-
-/// Whether a sample can be computed with.
-pub fn is_good(sample: f32) -> bool {
-    // A NaN compares false.
-    sample.abs() <= LIMIT
-}
 
 /// What may be wrong with a pixel; the table above says what becomes of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::SceneError;
+use crate::image::ImageError;
 
 /// The noisy image of a scene folder.
 pub const NOISY: &str = "4spp.exr";
@@ -84,7 +85,7 @@ fn search(folder: &Path, depth: usize, scenes: &mut Vec<SceneFiles>) -> Result<(
         }
         return Ok(());
     }
-    let io = |source| SceneError::Io { path: folder.to_owned(), action: "list", source };
+    let io = |source| ImageError::Io { path: folder.to_owned(), action: "list", source };
     let mut below = Vec::new();
     for entry in fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();

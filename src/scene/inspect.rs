@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::SceneError;
-use super::defect::is_good;
 use super::defect::{self, Defect, Tally};
-use super::exr::{Channel, Header, Part, read_channels};
 use super::mapping::Mapping;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
+use crate::image::exr::{Channel, Header, Part, read_channels};
+use crate::image::is_good;
 
 /// A file's channels and their meaning, without a pixel decoded.
 #[derive(Clone, Debug)]

@@ -21,9 +21,9 @@ mod tests;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::SceneError;
-use super::exr::Header;
 use super::naming::{CONVENTIONS, Candidate, Convention, Spread};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
+use crate::image::exr::Header;
 
 /// Where a feature's value or variance comes from.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! Floor 1: rendered scenes.
+//! Floor 2: rendered scenes.
 //!
 //! A [`Scene`] is what a filter works on: the noisy colour as it is, and for the
 //! weights one [`Plane`] per component of each feature's value, gradient and
@@ -20,24 +20,19 @@
 pub mod defect;
 pub mod derive;
 mod error;
-pub mod exr;
 pub mod facts;
 mod folder;
-mod image;
 pub mod inspect;
 pub mod mapping;
-pub mod metric;
 pub mod naming;
 mod needs;
 pub mod normalize;
 mod note;
-mod output;
+mod picture;
 pub mod plane;
 mod prepare;
 mod raw;
 pub mod repair;
-#[cfg(test)]
-mod sample;
 #[cfg(test)]
 mod tests;
 
@@ -45,20 +40,18 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 pub use error::SceneError;
-pub use exr::Attributes;
 pub use facts::{Fact, Facts};
 pub use folder::{NOISY, REFERENCE, SceneFiles, discover, scene_name};
-pub use image::Image;
-pub use metric::{Comparison, Metrics};
 pub use needs::Needs;
 pub use normalize::{ColorScale, Normalization};
 pub use note::Note;
-pub use output::write_atomically;
+pub use picture::{load_image, load_reference};
 pub use plane::{Layout, Plane, Samples};
 pub use raw::RawScene;
 pub use repair::Repair;
 
 use crate::expr::feature::PlaneId;
+use crate::image::{Attributes, Image};
 use raw::Origin;
 
 /// How scenes are loaded.

@@ -8,12 +8,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::exr::{Attributes, Header, read_channels};
 use super::mapping::{Mapping, looked_for};
 use super::needs::Needs;
 use super::note::Note;
 use super::{LoadOptions, SceneError};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
+use crate::image::exr::{Attributes, Header, read_channels};
 
 /// Features in the renderer's units, row by row without padding.
 #[derive(Clone, Debug)]

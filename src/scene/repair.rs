@@ -23,7 +23,8 @@
 //! `tests/bad_pixels.rs` holds filters to that. The one exception is +Inf in a depth,
 //! which says that nothing was hit.
 
-use super::defect::{Tally, is_good};
+use super::defect::Tally;
+use crate::image::is_good;
 
 /// What to do with bad pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

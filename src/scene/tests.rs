@@ -2,9 +2,11 @@
 
 use super::defect::Defect;
 use super::inspect::{Finding, Inspection, Scan};
-use super::sample::{PartOf, file, part};
 use super::*;
 use crate::expr::feature::{Feature, Quantity};
+use crate::image::Metrics;
+use crate::image::sample::{PartOf, file, part};
+use crate::scene::load_image;
 
 const SIZE: (usize, usize) = (23, 17);
 
@@ -373,11 +375,11 @@ fn one_pixel_and_one_row_are_images_too() {
 fn images_are_read_by_any_renderers_name_for_them() {
     let named = |name| PartOf { name: Some(name), ..part((4, 4)) }.filled(&["R", "G", "B"], noise);
     let sample = file(vec![named("ViewLayer.Denoising Albedo"), named("ViewLayer.Combined")]);
-    let image = Image::load(&sample.path).expect("Blender's colour");
+    let image = load_image(&sample.path).expect("Blender's colour");
     assert_eq!(image.rgb()[1][3], noise(1, 3));
     let copy = sample.folder.path().join("copy.exr");
     image.save(&copy).expect("writable");
-    let metrics = Metrics::of(&Image::load(&copy).expect("just written"), &image);
+    let metrics = Metrics::of(&load_image(&copy).expect("just written"), &image);
     assert_eq!(metrics.expect("of one size").rel_mse, 0.0);
 }
 

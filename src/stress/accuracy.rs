@@ -27,7 +27,7 @@ pub struct Scene {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Accuracy {
-    /// The greatest [difference](crate::backend::oracle::Exact::difference) of a pixel
+    /// The greatest [difference](crate::backend::reference::oracle::Exact::difference) of a pixel
     /// of which back ends promise anything.
     Measured(Peak),
     /// It could not run.

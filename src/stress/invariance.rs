@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::peak::change;
 use super::trial::Trial;
 use super::{Peak, StressError};
-use crate::backend::oracle::Exact;
+use crate::backend::reference::oracle::Exact;
 use crate::backend::{ACCURACY, Backend};
 use crate::expr::feature::Unit;
 use crate::expr::{Feature, Quantity};

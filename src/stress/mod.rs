@@ -1,4 +1,4 @@
-//! Floor 4: whether a filter can be relied on: its stability certificate.
+//! Floor 7: whether a filter can be relied on: its stability certificate.
 //!
 //! [`certify`] filters scenes made to be difficult ([`adversary`]) and scenes of the
 //! caller's, and measures

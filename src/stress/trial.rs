@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{Ground, StressError, needs};
-use crate::backend::oracle::{self, Exact};
+use crate::backend::reference::oracle::{self, Exact};
 use crate::backend::{Backend, Rect};
 use crate::filter::{Gather, Window};
 use crate::plan::{Passes, Plan, Precision};

@@ -14,7 +14,7 @@ use std::process::Stdio;
 use place::write_b44;
 use place::{CLEAN, EDGE_AWARE, NOISY, Place, WIDTH, json, stderr, write_exr};
 use serde_json::Value;
-use tamis::scene::Image;
+use tamis::scene::load_image;
 
 #[test]
 fn a_filtered_image_is_nearer_to_its_reference() {
@@ -116,7 +116,7 @@ fn precisions_are_as_far_from_exact_as_they_say() {
         assert_eq!(denoise("fast_jit.exr", &["--precision", "fast"]), fast);
     }
     denoise("exact.exr", &["--precision", "exact"]);
-    let image = |name: &str| Image::load(&place.path(name)).expect("a result");
+    let image = |name: &str| load_image(&place.path(name)).expect("a result");
     let off = |name: &str| {
         let (image, exact) = (image(name), image("exact.exr"));
         let pairs = image.rgb().concat().into_iter().zip(exact.rgb().concat());

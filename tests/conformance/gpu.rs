@@ -5,13 +5,14 @@ use std::process::Command;
 
 use rayon::prelude::*;
 use tamis::backend::gpu::{Gpu, GpuError, Options};
+use tamis::backend::reference::oracle;
+use tamis::backend::shader::wgsl::{Arithmetic, Dialect};
 use tamis::backend::shader::{Loads, Shader, Style};
-use tamis::backend::wgsl::{Arithmetic, Dialect};
-use tamis::backend::{ACCURACY, Backend, BackendError, Jit, Rect, oracle};
+use tamis::backend::{ACCURACY, Backend, BackendError, Jit, Rect};
 use tamis::expr::{Feature, Op, Quantity, Tree, codebook};
 use tamis::filter::{Filter, Gather, Window};
-use tamis::plan::{Passes, Plan, Precision};
-use tamis::scene::{Facts, Image, LoadOptions, Needs, RawScene, Scene};
+use tamis::plan::{Passes, Plan, Precision, WindowPlan};
+use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Scene, load_image};
 
 use crate::fixture::{bred, parse, scene};
 use crate::suite::{plan, run};
@@ -204,7 +205,7 @@ fn denoise_agrees_with_machine_code() {
                 .output()
                 .expect("the program starts");
             assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-            Image::load(&output).expect("the result is an image")
+            load_image(&output).expect("the result is an image")
         });
         for c in 0..3 {
             for (gpu, jit) in gpu.rgb()[c].iter().zip(jit.rgb()[c]) {
@@ -269,7 +270,7 @@ fn every_shader_is_valid() {
     batches.push(trees[..5].to_vec());
     for weights in batches {
         for passes in [Passes::ALL, Passes::NONE] {
-            let plan = Plan::new(&weights, Window::dense(3), &facts, passes).expect("plans");
+            let plan = WindowPlan::new(&weights, Window::dense(3), &facts, passes).expect("plans");
             for loads in Loads::ALL {
                 for (precision, arithmetic) in [
                     (Precision::Standard, Arithmetic::IEEE),

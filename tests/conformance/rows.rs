@@ -7,7 +7,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tamis::backend::gpu::{Gpu, Options};
-use tamis::backend::wgsl::Arithmetic;
+use tamis::backend::shader::wgsl::Arithmetic;
 use tamis::expr::Op;
 use tamis::expr::builder::{Builder, LIMIT, Rules};
 use tamis::expr::function::{Budget, ulp};

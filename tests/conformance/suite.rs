@@ -4,14 +4,15 @@
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use tamis::backend::reference::oracle;
 use tamis::backend::{
-    Agreement, Backend, BackendError, FAST_ACCURACY, Filtered, Interpreter, Rect, oracle,
+    Agreement, Backend, BackendError, FAST_ACCURACY, Filtered, Interpreter, Rect,
 };
 use tamis::expr::grammar::{Limits, Vocabulary};
 use tamis::expr::tape::{Axis, Input, Side};
 use tamis::expr::{Feature, Op, Quantity, Symbol, Tree, codebook};
 use tamis::filter::{Gather, Window};
-use tamis::plan::{PASSES, Passes, Plan, Precision};
+use tamis::plan::{PASSES, Passes, Plan, Precision, WindowPlan};
 use tamis::scene::facts::{Fact, Facts};
 use tamis::scene::{LoadOptions, Needs, RawScene, Scene};
 
@@ -71,7 +72,7 @@ fn color(scene: &Scene, x: i64, y: i64) -> [f32; 3] {
 }
 
 /// Whether the square around the taps that count holds one colour only.
-fn is_converged(plan: &Plan, scene: &Scene, x: i64, y: i64) -> bool {
+fn is_converged(plan: &WindowPlan, scene: &Scene, x: i64, y: i64) -> bool {
     let reach = i64::from(plan.support().reach());
     let (width, height) = (scene.layout().width() as i64, scene.layout().height() as i64);
     let along = |at: i64, end: i64| (at - reach).max(0)..(at + reach + 1).min(end);
@@ -82,6 +83,7 @@ fn is_converged(plan: &Plan, scene: &Scene, x: i64, y: i64) -> bool {
 /// What the tapes mean, computed one pixel and one instruction at a time, in
 /// the order of summation that `backend` states.
 fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
+    let plan = plan.window().expect("weights over a window");
     let (width, height) = (scene.layout().width(), scene.layout().height());
     let window = plan.window();
     let (radius, dilation) = (window.radius as i64, i64::from(window.dilation));

@@ -10,7 +10,7 @@ use tamis::backend::{Backend, Filtered, Interpreter, Rect};
 use tamis::export::Language;
 use tamis::expr::{Feature, PlaneId};
 use tamis::filter::{Filter, Window};
-use tamis::plan::{Passes, Plan, Precision};
+use tamis::plan::{Passes, Precision, WindowPlan};
 use tamis::scene::{Facts, Scene};
 
 use crate::every::hostile_names;
@@ -32,12 +32,12 @@ fn numbered(k: usize, weight: &str, window: Window) -> Filter {
 }
 
 /// The plan that an export is made of.
-fn plan(filter: &Filter, precision: Precision) -> Plan {
+fn plan(filter: &Filter, precision: Precision) -> WindowPlan {
     let stage = filter.paper().expect("one gather");
     // Exports filter every pixel.
     let passes = Passes { rate: false, converged: false, precision, ..Passes::ALL };
     let weights = std::slice::from_ref(&stage.weight);
-    Plan::new(weights, stage.window, &Facts::of_any_scene(), passes).expect("a sound filter")
+    WindowPlan::new(weights, stage.window, &Facts::of_any_scene(), passes).expect("a sound filter")
 }
 
 /// The machine's C compiler, without which nothing here could have been linked.
@@ -196,7 +196,7 @@ fn agree_at(precision: Precision, filters: &[Filter], scenes: &[Scene]) -> usize
         let per_filter = (3 * width * height + 1) * size_of::<f32>();
         assert_eq!(written.len(), filters.len() * per_filter);
         for (filter, written) in filters.iter().zip(written.chunks_exact(per_filter)) {
-            let code = Interpreter.compile(&plan(filter, precision)).expect("compiles");
+            let code = Interpreter.compile(&plan(filter, precision).into()).expect("compiles");
             let filtered = code.run(scene, &[Rect::whole(scene)]).expect("runs").swap_remove(0);
             let Filtered { pixels, kept } = filtered;
             let channel = |c: usize| pixels.iter().map(move |pixel| pixel[c]);

@@ -7,33 +7,34 @@ mod programs;
 
 use std::path::Path;
 
-use tamis::backend::{Backend, Executable, Filtered, Interpreter, Rect, meaning};
+use tamis::backend::reference::meaning;
+use tamis::backend::{Backend, Executable, Filtered, Interpreter, Rect};
 use tamis::filter::Filter;
-use tamis::plan::{Kernel, PASSES, Passes, Program, Schedule};
+use tamis::plan::{Kernel, PASSES, Passes, Plan, Program};
 use tamis::scene::{Facts, Scene};
 
 fn parse(text: &str) -> Filter {
     Filter::parse(text, Path::new("test.toml")).unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
-fn schedule(filter: &Filter, scene: &Scene, passes: Passes) -> Schedule {
+fn schedule(filter: &Filter, scene: &Scene, passes: Passes) -> Plan {
     let checked = filter.check().expect("parsed filters make sense");
-    Schedule::new(&checked, &Facts::of(scene), passes).expect("the scene has every feature")
+    Plan::of(&checked, &Facts::of(scene), passes).expect("the scene has every feature")
 }
 
 fn program(filter: &Filter, scene: &Scene, passes: Passes) -> Program {
     match schedule(filter, scene, passes) {
-        Schedule::Program(program) => *program,
-        Schedule::Paper(_) => panic!("{} is a program", filter.name),
+        Plan::Program(program) => *program,
+        Plan::Window(_) => panic!("{} is a program", filter.name),
     }
 }
 
-fn run(backend: &dyn Backend, schedule: &Schedule, scene: &Scene, region: &[Rect]) -> Filtered {
-    let code: Box<dyn Executable> = backend.schedule(schedule).expect("it compiles");
+fn run(backend: &dyn Backend, schedule: &Plan, scene: &Scene, region: &[Rect]) -> Filtered {
+    let code: Box<dyn Executable> = backend.compile(schedule).expect("it compiles");
     code.run(scene, region).expect("it runs").swap_remove(0)
 }
 
-fn whole(backend: &dyn Backend, schedule: &Schedule, scene: &Scene) -> Filtered {
+fn whole(backend: &dyn Backend, schedule: &Plan, scene: &Scene) -> Filtered {
     run(backend, schedule, scene, &[Rect::whole(scene)])
 }
 
@@ -148,7 +149,7 @@ fn random_programs_mean_the_same_to_everyone() {
         assert_eq!(parse(&filter.to_toml(toml::Table::new())), filter, "{text}");
         let scene = &scenes[seed as usize % scenes.len()];
         let schedule = schedule(&filter, scene, Passes::ALL);
-        if let Schedule::Program(program) = &schedule {
+        if let Plan::Program(program) = &schedule {
             for kernel in &program.kernels {
                 if let Kernel::Gather(gather) = kernel {
                     gathers += 1;
@@ -317,7 +318,7 @@ fn a_program_refuses_scenes_of_which_its_facts_do_not_hold() {
     let varied = fixture::scene(9, 9, 1);
     let brighter = fixture::prepare(fixture::raw_with(9, 9, 2, 1.0, &[]));
     let without = fixture::prepare(fixture::raw_with(9, 9, 1, 1.0, &[Feature::SecTexture]));
-    let code = Interpreter.schedule(&schedule(&filter, &varied, Passes::ALL)).expect("compiles");
+    let code = Interpreter.compile(&schedule(&filter, &varied, Passes::ALL)).expect("compiles");
     let run = |scene: &Scene| code.run(scene, &[Rect::whole(scene)]).map(|_| ());
     assert!(run(&varied).is_ok());
     assert!(matches!(run(&brighter), Err(BackendError::Unlike { .. })));

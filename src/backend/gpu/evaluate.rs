@@ -5,7 +5,7 @@ use askama::Template;
 
 use super::device::Device;
 use super::error::GpuError;
-use crate::backend::wgsl::{Arithmetic, Dialect, Statements, functions, statements};
+use crate::backend::shader::wgsl::{Arithmetic, Dialect, Statements, functions, statements};
 use crate::expr::builder::{Builder, Rules};
 use crate::expr::interval::Interval;
 use crate::expr::tape::{Input, Prim, Side, Tape};

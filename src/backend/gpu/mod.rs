@@ -39,11 +39,12 @@ pub use adapter::{Adapter, Kind, adapters, choose};
 pub use error::GpuError;
 
 use super::cpu::dense_taps;
+use super::shader::wgsl::{Arithmetic, Dialect};
 use super::shader::{Loads, QUAD, Shader, Style};
-use super::wgsl::{Arithmetic, Dialect};
 use super::{ACCURACY, Agreement, Backend, BackendError, Executable, FAST_ACCURACY};
 use crate::expr::tape::Tape;
-use crate::plan::{Plan, Precision};
+use crate::filter::Filter;
+use crate::plan::{Plan, Precision, WindowPlan};
 use device::Device;
 use slots::Slots;
 
@@ -149,6 +150,10 @@ impl Gpu {
         self.0.device.tick.map(|_| busy())
     }
 
+    fn unsupported(&self, filter: &Filter) -> BackendError {
+        BackendError::Unsupported { backend: self.name(), stages: filter.stages.len() }
+    }
+
     /// Gives the device back. What runs on it or is compiled for it from now on
     /// fails as on a device that is lost.
     pub fn close(&self) {
@@ -177,7 +182,18 @@ impl Backend for Gpu {
         })
     }
 
+    fn supports(&self, filter: &Filter) -> Result<(), BackendError> {
+        match filter.paper() {
+            Some(_) => Ok(()),
+            None => Err(self.unsupported(filter)),
+        }
+    }
+
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
+        let plan = match plan {
+            Plan::Window(plan) => plan,
+            Plan::Program(program) => return Err(self.unsupported(&program.filter)),
+        };
         let device = &self.0.device;
         let mut style = self.0.style;
         let mut shader = Shader::new(plan, style);
@@ -193,7 +209,7 @@ impl Backend for Gpu {
         let taps = device.filled("the table of offsets", bytemuck::cast_slice(&table), usage)?;
         Ok(Box::new(run::Compiled {
             gpu: self.0.clone(),
-            plan: plan.clone(),
+            plan: (**plan).clone(),
             loads: style.loads,
             shader,
             pipeline,
@@ -216,7 +232,7 @@ impl Opened {
 
 /// The tap tape's results, padded to whole vectors per tap; nothing if a shader
 /// reads none.
-fn tap_table(plan: &Plan, quads: usize) -> Vec<f32> {
+fn tap_table(plan: &WindowPlan, quads: usize) -> Vec<f32> {
     let values = plan.tap().results().len();
     if quads == 0 {
         return Vec::new();

@@ -10,7 +10,7 @@ use super::tiles::{Tile, tiles};
 use super::{GpuError, Opened};
 use crate::backend::shader::{Loads, Shader};
 use crate::backend::{BackendError, Executable, Filtered, Rect, holds, inside};
-use crate::plan::Plan;
+use crate::plan::WindowPlan;
 use crate::scene::Scene;
 
 /// Primitives per submission: a tenth of a second at 4e11 per second.
@@ -22,7 +22,7 @@ const PARAMS_STRIDE: usize = 256;
 /// A plan as a pipeline.
 pub(super) struct Compiled {
     pub(super) gpu: Arc<Opened>,
-    pub(super) plan: Plan,
+    pub(super) plan: WindowPlan,
     pub(super) loads: Loads,
     pub(super) shader: Shader,
     pub(super) pipeline: wgpu::ComputePipeline,

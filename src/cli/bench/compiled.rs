@@ -20,8 +20,9 @@ use crate::cli::error::Error;
 use crate::export::{self, Language};
 use crate::expr::{Feature, PlaneId, Quantity};
 use crate::filter::Filter;
+use crate::image::Image;
 use crate::plan::Precision;
-use crate::scene::{Image, Samples};
+use crate::scene::Samples;
 
 const DRIVER: &str = include_str!("driver.c");
 

@@ -9,8 +9,9 @@ use std::time::Duration;
 use super::exact::Exact;
 use crate::cli::error::Error;
 use crate::filter::Gather;
+use crate::image::{Image, Metrics};
 use crate::report::{Entry, Ground, Outcome};
-use crate::scene::{Facts, Image, Metrics, Scene};
+use crate::scene::{Facts, Scene};
 
 /// A scene to be filtered, and what the result should be.
 pub(super) struct Course {

@@ -10,8 +10,8 @@ use crate::backend::{Backend, Exact, Executable, Filtered, Rect};
 use crate::cli::backend::{Lanes, Processor};
 use crate::cli::error::Error;
 use crate::filter::Filter;
-use crate::plan::{Passes, Precision, Schedule};
-use crate::scene::Image;
+use crate::image::Image;
+use crate::plan::{Passes, Plan, Precision};
 
 /// Which back ends take part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -126,7 +126,7 @@ impl Contestant for OnEngine {
         let name = || (course.scene.name().to_owned(), self.filter.name.clone());
         let start = Instant::now();
         let passes = Passes { precision: self.engine.precision, ..Passes::ALL };
-        let plan = Schedule::new(&checked, &course.facts, passes).map_err(|source| {
+        let plan = Plan::of(&checked, &course.facts, passes).map_err(|source| {
             let (scene, filter) = name();
             Error::Plan { scene, filter, source }
         })?;
@@ -134,7 +134,7 @@ impl Contestant for OnEngine {
             let (scene, filter) = name();
             Error::Run { scene, filter, source }
         };
-        let code = self.engine.backend.schedule(&plan).map_err(failed)?;
+        let code = self.engine.backend.compile(&plan).map_err(failed)?;
         if self.engine.lazy {
             let Rect { width, height, .. } = Rect::whole(&course.scene);
             let corner = Rect { x: 0, y: 0, width: width.min(8), height: height.min(8) };

@@ -2,9 +2,11 @@
 
 use rayon::prelude::*;
 
-use crate::backend::{Rect, oracle};
+use crate::backend::Rect;
+use crate::backend::reference::oracle;
 use crate::filter::Gather;
-use crate::scene::{Image, Scene};
+use crate::image::Image;
+use crate::scene::Scene;
 
 /// Rows that are computed exactly: that takes a hundred times as long as filtering
 /// them.

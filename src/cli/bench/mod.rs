@@ -29,9 +29,10 @@ use super::resolve::resized;
 use super::scenes;
 use super::score::filters;
 use crate::filter::{Filter, Window};
+use crate::image::write_atomically;
 use crate::plan::Precision;
 use crate::report::{Format, Tradeoff};
-use crate::scene::{Facts, Image, LoadOptions, Needs, Scene, write_atomically};
+use crate::scene::{Facts, LoadOptions, Needs, Scene, load_reference};
 use compiled::Compiled;
 use contest::{Contest, Contestant, Course, Entrant};
 use engine::{Choice, Engine, OnEngine};
@@ -144,7 +145,7 @@ impl Bench {
             log.say(format_args!("{}: {} rounds", files.name, self.rounds));
             let scene = Scene::load(&files.noisy, &all, pad, &LoadOptions::default())?;
             let facts = Facts::of(&scene);
-            let reference = Image::load_reference(&files.reference)?;
+            let reference = load_reference(&files.reference)?;
             contest.run(&Course { scene, facts, reference })?;
         }
         let (grounds, entries) = contest.finish();

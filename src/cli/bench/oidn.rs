@@ -16,7 +16,8 @@ use super::pfm::{self, Channels};
 use super::program;
 use crate::cli::error::Error;
 use crate::expr::{Feature, PlaneId, Quantity};
-use crate::scene::{Image, Needs, Samples};
+use crate::image::Image;
+use crate::scene::{Needs, Samples};
 
 /// What the program is called.
 pub(super) const NAME: &str = "oidnDenoise";

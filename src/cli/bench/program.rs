@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 
 use crate::cli::error::Error;
-use crate::scene::SceneError;
+use crate::image::ImageError;
 
 /// Lines of a program's complaint that are passed on.
 const LINES: usize = 6;
@@ -57,7 +57,7 @@ pub(super) fn folder() -> Result<TempDir, Error> {
 
 /// The error of a file that a program should read or has written.
 pub(super) fn file(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> Error {
-    move |source| SceneError::Io { path: path.to_owned(), action, source }.into()
+    move |source| ImageError::Io { path: path.to_owned(), action, source }.into()
 }
 
 /// The first lines of what a program printed, to be appended to a sentence.

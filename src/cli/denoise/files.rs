@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf, is_separator};
 
 use super::form::Form;
 use crate::cli::error::Error;
+use crate::image::ImageError;
 use crate::report::number;
-use crate::scene::SceneError;
 
 /// Every input with the place of its result.
 #[derive(Debug)]
@@ -75,7 +75,7 @@ impl Files {
         if let Some(folder) = folder
             && let Err(source) = fs::metadata(folder)
         {
-            return Err(SceneError::Io {
+            return Err(ImageError::Io {
                 path: output.to_owned(),
                 action: "write (its folder cannot be used)",
                 source,

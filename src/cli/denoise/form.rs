@@ -4,8 +4,8 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
+use crate::image::{Image, ImageError};
 use crate::report::Picture;
-use crate::scene::{Image, SceneError};
 
 /// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -33,7 +33,7 @@ impl Form {
     }
 
     /// Writes an image: the whole of it or nothing.
-    pub(super) fn save(self, image: &Image, path: &Path) -> Result<(), SceneError> {
+    pub(super) fn save(self, image: &Image, path: &Path) -> Result<(), ImageError> {
         match self {
             Self::Exr => image.save(path),
             Self::Png => Picture::of(image, 0.0).save(path),

@@ -12,9 +12,9 @@ use crate::cli::resolve::resized;
 use crate::expr::Feature;
 use crate::filter::Filter;
 use crate::filter::shipped::{self, Choice};
+use crate::image::exr::Header;
 use crate::plan::Passes;
 use crate::report::number;
-use crate::scene::exr::Header;
 use crate::scene::mapping::Mapping;
 use crate::scene::{ColorScale, LoadOptions, Note, Scene};
 
@@ -74,11 +74,13 @@ impl Job<'_> {
         }
         let mapping = Mapping::of(&Header::read(&frame.input)?);
         // The windows of a program have radii of their own, and its colours are linear.
-        let programs = self.backend.runs_programs()
-            && self.radius.is_none()
-            && self.options.color_scale == ColorScale::Linear;
+        let programs = self.radius.is_none() && self.options.color_scale == ColorScale::Linear;
+        let may = |filter: &Filter| match filter.paper() {
+            Some(_) => true,
+            None => programs && self.backend.supports(filter).is_ok(),
+        };
         let Choice { filter, best, lacking } =
-            shipped::choose(programs, |plane| mapping.provides(plane));
+            shipped::choose(may, |plane| mapping.provides(plane));
         let filter = resized(filter, self.radius)?;
         let without = filter.does_without(|plane| mapping.provides(plane));
         let titles = |features: &[Feature]| {

@@ -25,11 +25,10 @@ use crate::evolve::{
 };
 use crate::expr::{Feature, PlaneId, Tree, codebook};
 use crate::filter::{Filter, Gather, Window};
+use crate::image::write_atomically;
 use crate::plan::{Passes, Precision};
 use crate::report::{Format, ScoreTable, Total, number};
-use crate::scene::{
-    Fact, Facts, Image, LoadOptions, Needs, RawScene, Scene, SceneFiles, write_atomically,
-};
+use crate::scene::{Fact, Facts, LoadOptions, Needs, RawScene, Scene, SceneFiles, load_reference};
 use crate::stress::{Engine, Ground, SEED, Screen, certify};
 use parameters::Parameters;
 use progress::Progress;
@@ -279,7 +278,7 @@ fn load(files: &[SceneFiles], settings: &Settings, log: Log) -> Result<Vec<Train
         for note in noisy.notes() {
             log.say(format_args!("{}: {note}", scene.noisy.display()));
         }
-        training.push(TrainingScene::new(noisy, Image::load_reference(&scene.reference)?)?);
+        training.push(TrainingScene::new(noisy, load_reference(&scene.reference)?)?);
     }
     Ok(training)
 }

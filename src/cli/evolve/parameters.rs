@@ -7,8 +7,8 @@ use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 
 use crate::evolve::{Preset, Settings};
 use crate::expr::grammar::Primitives;
+use crate::image::metric::Measure;
 use crate::plan::Precision;
-use crate::scene::metric::Measure;
 
 /// A parameter.
 struct Parameter {

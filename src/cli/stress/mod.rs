@@ -13,8 +13,9 @@ use super::log::Log;
 use super::resolve::resolve;
 use super::{Report, apply, scenes};
 use crate::filter::{Filter, Gather, Window};
+use crate::image::write_atomically;
 use crate::report::score::json;
-use crate::scene::{LoadOptions, RawScene, write_atomically};
+use crate::scene::{LoadOptions, RawScene};
 use crate::stress::{Engine, Ground, SEED, StressError, Verdict, certify, needs};
 use engines::Opened;
 

@@ -15,7 +15,7 @@ use crate::backend::{Backend, BackendError};
 use crate::expr::Tree;
 use crate::expr::tape::{Instr, Tape, Value};
 use crate::filter::Window;
-use crate::plan::{Passes, Plan, PlanError, Precision};
+use crate::plan::{Passes, Plan, PlanError, Precision, WindowPlan};
 use crate::scene::{Facts, Scene};
 
 /// How expressions become programs.
@@ -33,7 +33,7 @@ pub(super) struct Batching<'a> {
 struct Program(Vec<(Vec<Instr>, Vec<Value>)>);
 
 impl Program {
-    fn of(plan: &Plan) -> Self {
+    fn of(plan: &WindowPlan) -> Self {
         let code = |tape: &Tape| (tape.instrs().to_vec(), tape.results().to_vec());
         Self([plan.tap(), plan.pixel(), plan.pair()].map(code).into())
     }
@@ -79,8 +79,8 @@ impl Batching<'_> {
         measure: impl Fn(usize, &[[f32; 3]]) -> T + Sync,
     ) -> Result<Vec<Option<Vec<T>>>, BackendError> {
         let passes = Passes { precision, ..self.passes_for(samples) };
-        let plan = |trees: &[Tree]| Plan::new(trees, self.window, &self.facts, passes);
-        let plans: Vec<Option<Plan>> =
+        let plan = |trees: &[Tree]| WindowPlan::new(trees, self.window, &self.facts, passes);
+        let plans: Vec<Option<WindowPlan>> =
             trees.par_iter().map(|tree| plan(std::slice::from_ref(tree)).ok()).collect();
         // The first of those with equal programs runs for all of them.
         let mut first = FxHashMap::default();
@@ -93,7 +93,7 @@ impl Batching<'_> {
         let batches: Vec<Vec<usize>> = [false, true]
             .into_iter()
             .flat_map(|signed| {
-                let (numbers, plans): (Vec<usize>, Vec<&Plan>) = plans
+                let (numbers, plans): (Vec<usize>, Vec<&WindowPlan>) = plans
                     .iter()
                     .enumerate()
                     .filter_map(|(k, plan)| Some((k, plan.as_ref()?)))
@@ -109,11 +109,11 @@ impl Batching<'_> {
                 let members: Vec<Tree> = batch.iter().map(|&k| trees[k].clone()).collect();
                 let in_company = || {
                     let plan = plan(&members).ok().filter(|_| members.len() > 1)?;
-                    self.measure(&plan, samples, &measure).ok()
+                    self.measure(plan, samples, &measure).ok()
                 };
                 let alone = |&k: &usize| {
                     let plan = plans[k].as_ref().expect("batches are made of plans");
-                    Ok(self.measure(plan, samples, &measure)?.swap_remove(0))
+                    Ok(self.measure(plan.clone(), samples, &measure)?.swap_remove(0))
                 };
                 // What fails in company may well do alone: a smaller program needs less.
                 let each: Vec<Vec<T>> = match in_company() {
@@ -130,12 +130,12 @@ impl Batching<'_> {
     /// Per weight of a plan, what `measure` makes of each sample.
     fn measure<T>(
         &self,
-        plan: &Plan,
+        plan: WindowPlan,
         samples: &[(&Scene, &Sample)],
         measure: impl Fn(usize, &[[f32; 3]]) -> T,
     ) -> Result<Vec<Vec<T>>, BackendError> {
-        let code = self.backend.compile(plan)?;
         let weights = plan.pair().results().len();
+        let code = self.backend.compile(&plan.into())?;
         let mut measured: Vec<Vec<T>> = (0..weights).map(|_| Vec::new()).collect();
         for (k, (scene, sample)) in samples.iter().enumerate() {
             let filtered = code.run(scene, sample.region())?;

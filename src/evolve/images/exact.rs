@@ -6,7 +6,8 @@
 //! small windows.
 
 use super::{ImageFitness, JudgeError};
-use crate::backend::{ACCURACY, Rect, oracle};
+use crate::backend::reference::oracle;
+use crate::backend::{ACCURACY, Rect};
 use crate::expr::Tree;
 use crate::filter::{Gather, Window};
 use crate::plan::Plan;

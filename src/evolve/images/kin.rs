@@ -9,7 +9,7 @@ use std::hash::{BuildHasher, Hash};
 use rustc_hash::{FxBuildHasher, FxHashSet};
 
 use crate::expr::tape::{Input, Instr, Tape};
-use crate::plan::Plan;
+use crate::plan::WindowPlan;
 
 /// What a program computes for every pair, as names: equal values of different
 /// plans have equal names.
@@ -19,7 +19,7 @@ struct Work {
 }
 
 impl Work {
-    fn of(plan: &Plan) -> Self {
+    fn of(plan: &WindowPlan) -> Self {
         let per_tap = results(plan.tap(), &names(plan.tap(), &[], &[]));
         let per_pixel = results(plan.pixel(), &names(plan.pixel(), &per_tap, &[]));
         let all = names(plan.pair(), &per_tap, &per_pixel);
@@ -61,7 +61,7 @@ fn results(tape: &Tape, names: &[u64]) -> Vec<u64> {
 /// Divides plans into the fewest groups of at most `most`, of about equal size,
 /// each of relatives. The order of the groups and in them follows from the plans
 /// alone.
-pub(super) fn groups(plans: &[&Plan], most: usize) -> Vec<Vec<usize>> {
+pub(super) fn groups(plans: &[&WindowPlan], most: usize) -> Vec<Vec<usize>> {
     let work: Vec<Work> = plans.iter().map(|plan| Work::of(plan)).collect();
     let mut rest: Vec<usize> = (0..plans.len()).collect();
     rest.sort_by_key(|&k| work[k].taps);
@@ -101,10 +101,10 @@ mod tests {
     use crate::plan::Passes;
     use crate::scene::Facts;
 
-    fn plans(texts: &[&str]) -> Vec<Plan> {
+    fn plans(texts: &[&str]) -> Vec<WindowPlan> {
         let plan = |text: &&str| {
             let tree: Tree = text.parse().expect("an expression");
-            Plan::new(&[tree], Window::dense(8), &Facts::of_any_scene(), Passes::ALL)
+            WindowPlan::new(&[tree], Window::dense(8), &Facts::of_any_scene(), Passes::ALL)
                 .expect("a plan")
         };
         texts.iter().map(plan).collect()
@@ -118,7 +118,7 @@ mod tests {
             "exp(-distance2(normal, normal) / 0.3) * 3 + 1",
             "exp(-distance2(texture, texture) / 0.1) + 0.5",
         ]);
-        let plans: Vec<&Plan> = plans.iter().collect();
+        let plans: Vec<&WindowPlan> = plans.iter().collect();
         assert_eq!(groups(&plans, 2), [[0, 2], [1, 3]]);
         assert_eq!(groups(&plans, 1).len(), 4);
         assert_eq!(groups(&plans, 9).len(), 1);
@@ -134,7 +134,7 @@ mod tests {
             "exp(-distance2(texture, texture) / 0.3)",
         ]);
         assert!(plans[0].taps().count() < plans[1].taps().count());
-        let plans: Vec<&Plan> = plans.iter().collect();
+        let plans: Vec<&WindowPlan> = plans.iter().collect();
         assert_eq!(groups(&plans, 2), [[0, 2], [1, 3]]);
     }
 }

@@ -19,10 +19,11 @@ use super::settings::{Racing, TOGETHER};
 use crate::backend::{Backend, BackendError, Rect};
 use crate::expr::Tree;
 use crate::filter::Window;
+use crate::image::metric::{self, Measure};
+use crate::image::{Image, ImageError};
 use crate::plan::{Passes, PlanError, Precision};
+use crate::scene::Scene;
 use crate::scene::facts::Facts;
-use crate::scene::metric::{self, Measure};
-use crate::scene::{Image, Scene, SceneError};
 use batch::Batching;
 pub use coverage::Coverage;
 use race::Course;
@@ -41,7 +42,7 @@ impl TrainingScene {
     ///
     /// # Errors
     /// If the two differ in size, or the reference holds what is no number.
-    pub fn new(scene: Scene, reference: Image) -> Result<Self, SceneError> {
+    pub fn new(scene: Scene, reference: Image) -> Result<Self, ImageError> {
         reference.check_reference()?;
         // Comparing the noisy image with the reference is the check, and says
         // which is which if it fails.

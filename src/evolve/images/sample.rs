@@ -2,7 +2,7 @@
 
 use super::TrainingScene;
 use crate::backend::Rect;
-use crate::scene::metric::Measure;
+use crate::image::metric::Measure;
 
 /// Rectangles of a scene with their true colours, in the order that back ends
 /// give pixels in.

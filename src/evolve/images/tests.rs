@@ -11,8 +11,8 @@ use crate::evolve::race::Bar;
 use crate::evolve::rng::stream;
 use crate::evolve::settings::Preset;
 use crate::expr::tape::Input;
-use crate::plan::Plan;
-use crate::scene::{LoadOptions, Needs};
+use crate::plan::{Plan, WindowPlan};
+use crate::scene::{LoadOptions, Needs, load_reference};
 
 const RADIUS: u32 = 3;
 
@@ -26,7 +26,7 @@ fn scenes() -> Vec<TrainingScene> {
         let options = LoadOptions::default();
         let noisy =
             Scene::load(&folder.join("4spp.exr"), &Needs::everything(), RADIUS as usize, &options);
-        let reference = Image::load_reference(&folder.join("reference.exr"));
+        let reference = load_reference(&folder.join("reference.exr"));
         TrainingScene::new(noisy.unwrap(), reference.unwrap()).unwrap()
     };
     ["study", "meadow"].map(load).into()
@@ -118,8 +118,8 @@ impl Backend for Limited {
     }
 
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
-        let reads_depth = plan.planes().iter().any(|p| p.feature == crate::expr::Feature::Depth);
-        if reads_depth || plan.pair().results().len() > 3 {
+        let reads_depth = plan.inputs().iter().any(|p| p.feature == crate::expr::Feature::Depth);
+        if reads_depth || weights_of(plan).pair().results().len() > 3 {
             return Err(BackendError::Padding { reach: 1, pad: 0 });
         }
         Interpreter.compile(plan)
@@ -202,7 +202,7 @@ impl Backend for Panicking {
                 panic!("a broken invariant");
             }
         }
-        if plan.planes().iter().any(|p| p.feature == crate::expr::Feature::Depth) {
+        if plan.inputs().iter().any(|p| p.feature == crate::expr::Feature::Depth) {
             let [planes, channels, weights] = [1; 3];
             let (taps, absolute, lone, mirrored) = (0, false, false, false);
             let spec = WindowSpec { planes, taps, channels, weights, absolute, lone, mirrored };
@@ -321,6 +321,11 @@ fn a_race_on_all_pixels_drops_exactly_who_is_worse() {
     }
 }
 
+/// Searches plan weights alone.
+fn weights_of(plan: &Plan) -> &WindowPlan {
+    plan.window().expect("searches make no programs")
+}
+
 /// What a plan computes at one made-up pair of pixels: per weight, its value.
 fn weights(plan: &Plan, salt: u32) -> Vec<f32> {
     let sample = |input: Input| {
@@ -329,6 +334,7 @@ fn weights(plan: &Plan, salt: u32) -> Vec<f32> {
         let unit = (hash >> 8) as f32 / (1 << 24) as f32;
         if let Input::Offset(_) = input { (unit * 7.0).floor() - 3.0 } else { unit }
     };
+    let plan = weights_of(plan);
     let (tap, pixel) = (plan.tap().eval(sample), plan.pixel().eval(sample));
     plan.pair().eval(|input| match input {
         Input::PerTap(k) => tap[k as usize],

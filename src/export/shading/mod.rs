@@ -18,8 +18,8 @@ mod spirv;
 mod valid;
 
 use super::{Shading, Subject};
+use crate::backend::shader::wgsl::{Arithmetic, Dialect};
 use crate::backend::shader::{Loads, Shader, Style};
-use crate::backend::wgsl::{Arithmetic, Dialect};
 use crate::plan::Precision;
 use comment::Caller;
 use valid::Valid;

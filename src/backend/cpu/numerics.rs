@@ -16,7 +16,7 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 
 use super::block::{Arg, Chunk, LANES, Program, Slots};
-use super::cpu::run;
+use super::paper::run;
 use crate::expr::Op;
 use crate::expr::builder::{Builder, LIMIT, Rules};
 use crate::expr::elementary::suite::{Random, probes};

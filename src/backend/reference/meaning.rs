@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::oracle::neighbours;
-use super::{TRUSTED_SHARE, TRUSTED_SUM};
+use crate::backend::{TRUSTED_SHARE, TRUSTED_SUM};
 use crate::expr::builder::LIMIT;
 use crate::expr::evaluate::Evaluator;
 use crate::expr::feature::{Feature, PlaneId};

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use super::Rect;
+use crate::backend::Rect;
 use crate::scene::Scene;
 use crate::scene::plane::Samples;
 

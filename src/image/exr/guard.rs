@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::Once;
 use std::thread;
 
-use crate::scene::SceneError;
+use crate::image::ImageError;
 
 thread_local! {
     /// Whether this thread is inside a step. A step runs the decoder and nothing else on
@@ -49,12 +49,12 @@ fn catch_quietly<T>(step: impl FnOnce() -> T) -> Result<T, Panicked> {
 pub(super) fn guarded<T>(
     path: &Path,
     step: impl FnOnce() -> exr::error::Result<T>,
-) -> Result<T, SceneError> {
-    let corrupt = |detail: String| SceneError::Corrupt { path: path.to_owned(), detail };
+) -> Result<T, ImageError> {
+    let corrupt = |detail: String| ImageError::Corrupt { path: path.to_owned(), detail };
     match catch_quietly(step) {
         Ok(Ok(value)) => Ok(value),
         Ok(Err(exr::error::Error::Io(source))) => {
-            Err(SceneError::Io { path: path.to_owned(), action: "read", source })
+            Err(ImageError::Io { path: path.to_owned(), action: "read", source })
         }
         Ok(Err(exr::error::Error::NotSupported(what))) => Err(unsupported(path, &what)),
         // The crate's words for an unexpected end of the file.
@@ -68,7 +68,7 @@ pub(super) fn guarded<T>(
 }
 
 /// The crate refuses a file as a whole for one part that it cannot read.
-fn unsupported(path: &Path, what: &str) -> SceneError {
+fn unsupported(path: &Path, what: &str) -> ImageError {
     let (what, advice) = if what.contains("deep") {
         (
             "the file holds deep data (several samples per pixel)".to_owned(),
@@ -85,7 +85,7 @@ fn unsupported(path: &Path, what: &str) -> SceneError {
             "save it as a flat OpenEXR 2 file with ZIP compression",
         )
     };
-    SceneError::Unsupported { path: path.to_owned(), what, advice }
+    ImageError::Unsupported { path: path.to_owned(), what, advice }
 }
 
 #[cfg(test)]

@@ -3,12 +3,12 @@
 use super::block::{
     Arg, BLOCK, Block as Sums, Chunk, LANES, Program, Slots, accumulate, accumulate_magnitude,
 };
-use super::cpu::{CHANNELS, Rates, run, tapes};
+use super::paper::{CHANNELS, Rates, run, tapes};
 use super::program::{Compiled, Engine, MapBlock, Mapper};
 use super::sums::{Frame, Summer, Taps};
-use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
+use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::tape::{Input, Side};
-use crate::plan::{self, GatherKernel, MapKernel, Plan};
+use crate::plan::{GatherKernel, MapKernel, Plan, WindowPlan};
 use crate::scene::Scene;
 
 /// Interprets tapes over blocks of pixels.
@@ -16,7 +16,7 @@ use crate::scene::Scene;
 pub struct Interpreter;
 
 struct Interpreted {
-    plan: Plan,
+    plan: WindowPlan,
     rates: Rates,
     pair: Pair,
 }
@@ -49,6 +49,10 @@ impl Backend for Interpreter {
     }
 
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
+        let plan = match plan {
+            Plan::Window(plan) => plan,
+            Plan::Program(program) => return Ok(Box::new(Compiled::new(self, program)?)),
+        };
         let pair = Pair {
             program: Program::new(&tapes(plan).pair),
             weights: plan.weights(),
@@ -57,15 +61,7 @@ impl Backend for Interpreter {
             lone: false,
             mirrored: plan.mirrored().is_some(),
         };
-        Ok(Box::new(Interpreted { plan: plan.clone(), rates: Rates::new(plan), pair }))
-    }
-
-    fn runs_programs(&self) -> bool {
-        true
-    }
-
-    fn program(&self, program: &plan::Program) -> Result<Box<dyn Executable>, BackendError> {
-        Ok(Box::new(Compiled::new(self, program)?))
+        Ok(Box::new(Interpreted { plan: (**plan).clone(), rates: Rates::new(plan), pair }))
     }
 }
 

@@ -14,7 +14,7 @@
 //!
 //! **Trust.** Files come from anywhere. Sizes are checked against the file's
 //! length before anything of that size is allocated, and a panic inside the
-//! decoder becomes [`SceneError::Corrupt`](super::SceneError::Corrupt), silently.
+//! decoder becomes [`ImageError::Corrupt`](super::ImageError::Corrupt), silently.
 
 mod decode;
 mod dwa;

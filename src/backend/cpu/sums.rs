@@ -3,9 +3,9 @@
 
 use std::borrow::Cow;
 
-use super::{BackendError, Rect};
+use crate::backend::{BackendError, Rect};
 use crate::expr::PlaneId;
-use crate::plan::{GatherKernel, Plan, Run};
+use crate::plan::{GatherKernel, Run, WindowPlan};
 use crate::scene::plane::{Layout, Lines};
 
 /// How the sums over a window are made.
@@ -112,7 +112,7 @@ pub(super) trait Summer: Sync {
 
 impl Sums {
     /// How the sums of a plan are made, by the taps of its tapes.
-    pub(super) fn of_plan(plan: &Plan) -> Self {
+    pub(super) fn of_plan(plan: &WindowPlan) -> Self {
         let mirrored = plan.mirrored().is_some();
         let tapes = plan.mirrored().unwrap_or(plan.tapes());
         Self {

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::SceneError;
+use super::ImageError;
 
 /// Writes `bytes` to `path` through a temporary file in the same folder and a
 /// rename: whoever looks sees the old file or the new one, and a run that fails
@@ -15,7 +15,7 @@ use super::SceneError;
 ///
 /// # Errors
 /// If the folder does not exist or cannot be written.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), SceneError> {
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
     let attempt = || -> io::Result<()> {
         if fs::metadata(path).is_ok_and(|target| !target.is_file()) {
             return fs::write(path, bytes);
@@ -39,7 +39,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), SceneError> {
         file.persist(&target).map_err(|error| error.error)?;
         Ok(())
     };
-    attempt().map_err(|source| SceneError::Io { path: path.to_owned(), action: "write", source })
+    attempt().map_err(|source| ImageError::Io { path: path.to_owned(), action: "write", source })
 }
 
 #[cfg(test)]

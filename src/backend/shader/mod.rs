@@ -9,15 +9,17 @@
 //! What depends on pixel i alone is computed once per invocation, before its
 //! loop over the window.
 
+pub mod wgsl;
+
 use std::collections::BTreeSet;
 
 use askama::Template;
 
-use super::wgsl::{Dialect, Statements, functions, statements};
-use super::{TRUSTED_SHARE, TRUSTED_SUM};
+use crate::backend::{TRUSTED_SHARE, TRUSTED_SUM};
 use crate::expr::feature::PlaneId;
 use crate::expr::tape::{Axis, Input, Instr, Side, Tape};
-use crate::plan::Plan;
+use crate::plan::WindowPlan;
+use wgsl::{Dialect, Statements, functions, statements};
 
 /// How a kernel reads `near`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -90,14 +92,14 @@ pub struct Shader {
 }
 
 /// Channels of the colour in `near`, before its planes.
-pub(super) const COLOR: usize = 3;
+pub(in crate::backend) const COLOR: usize = 3;
 
 /// Components of a vector.
 pub(crate) const QUAD: usize = 4;
 
 impl Shader {
     /// Writes the kernel of a plan.
-    pub fn new(plan: &Plan, style: Style) -> Self {
+    pub fn new(plan: &WindowPlan, style: Style) -> Self {
         let at = |side| {
             let inputs = plan.pair().inputs().chain(plan.pixel().inputs());
             let planes = inputs.filter_map(move |input| match input {
@@ -214,12 +216,12 @@ impl Shader {
     }
 
     /// Four-component vectors per pixel in `near`.
-    pub(super) fn near_quads(&self) -> usize {
+    pub(in crate::backend) fn near_quads(&self) -> usize {
         (COLOR + self.near.len()).div_ceil(QUAD)
     }
 
     /// Four-component vectors per pixel in `own`.
-    pub(super) fn own_quads(&self) -> usize {
+    pub(in crate::backend) fn own_quads(&self) -> usize {
         self.own.len().div_ceil(QUAD)
     }
 }

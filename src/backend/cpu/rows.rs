@@ -1,7 +1,7 @@
 //! Loops over the pixels of a row that all CPU back ends share, by whatever vectors the
 //! processor has: types, not closures, for the reason given in `cpu`.
 
-use super::{TRUSTED_SHARE, TRUSTED_SUM};
+use crate::backend::{TRUSTED_SHARE, TRUSTED_SUM};
 use crate::expr::interval::Interval;
 
 /// Where the sums of weights can be relied on.

@@ -10,8 +10,8 @@ use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 
 use super::guard::guarded;
-use crate::scene::SceneError;
-use crate::scene::error::listing;
+use crate::image::ImageError;
+use crate::image::error::listing;
 
 /// More pixels than this are refused before anything is allocated (16384²).
 const MAX_PIXELS: usize = 1 << 28;
@@ -143,7 +143,7 @@ impl Header {
     ///
     /// # Errors
     /// If the file cannot be opened or is no OpenEXR file.
-    pub fn read(path: &Path) -> Result<Self, SceneError> {
+    pub fn read(path: &Path) -> Result<Self, ImageError> {
         Ok(Self::of(path, open(path)?.headers()))
     }
 
@@ -189,12 +189,12 @@ impl Header {
 
 /// Opens a file and reads its headers, which are then known to be plausible:
 /// no size in them is out of proportion to the file's length.
-pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>, SceneError> {
-    let io = |action| move |source| SceneError::Io { path: path.to_owned(), action, source };
+pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>, ImageError> {
+    let io = |action| move |source| ImageError::Io { path: path.to_owned(), action, source };
     let file = File::open(path).map_err(io("open"))?;
     let metadata = file.metadata().map_err(io("inspect"))?;
     if metadata.is_dir() {
-        return Err(SceneError::Unsupported {
+        return Err(ImageError::Unsupported {
             path: path.to_owned(),
             what: "is a folder where an OpenEXR file is expected".to_owned(),
             advice: "name the file inside it",
@@ -204,8 +204,8 @@ pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>, SceneError> {
         guarded(path, || exr::block::read(BufReader::new(file), false)).map_err(|error| {
             match error {
                 // The crate's wording for a wrong magic number, or none at all.
-                SceneError::Corrupt { detail, .. } if detail.contains("file identifier") => {
-                    SceneError::NotExr { path: path.to_owned() }
+                ImageError::Corrupt { detail, .. } if detail.contains("file identifier") => {
+                    ImageError::NotExr { path: path.to_owned() }
                 }
                 other => other,
             }
@@ -221,14 +221,14 @@ fn plausible(
     path: &Path,
     header: &exr::meta::header::Header,
     file_bytes: u64,
-) -> Result<(), SceneError> {
+) -> Result<(), ImageError> {
     let (width, height) = (header.layer_size.0, header.layer_size.1);
-    let corrupt = |detail: String| SceneError::Corrupt { path: path.to_owned(), detail };
+    let corrupt = |detail: String| ImageError::Corrupt { path: path.to_owned(), detail };
     if width == 0 || height == 0 {
         return Err(corrupt(format!("the data window is {width}x{height}")));
     }
     if width.checked_mul(height).is_none_or(|pixels| pixels > MAX_PIXELS) {
-        return Err(SceneError::Unsupported {
+        return Err(ImageError::Unsupported {
             path: path.to_owned(),
             what: format!("the image is {width}x{height} pixels, more than 2^28"),
             advice: "cut it into smaller images",

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use super::dwa;
 use super::guard::guarded;
 use super::header::{Attributes, Header, SampleKind, open};
-use crate::scene::SceneError;
+use crate::image::ImageError;
 
 /// Chunks in flight at a time.
 const BATCH: usize = 256;
@@ -50,7 +50,7 @@ pub struct Pixels {
 ///
 /// # Panics
 /// If `wanted` is empty.
-pub fn read_channels<S: AsRef<str>>(path: &Path, wanted: &[S]) -> Result<Pixels, SceneError> {
+pub fn read_channels<S: AsRef<str>>(path: &Path, wanted: &[S]) -> Result<Pixels, ImageError> {
     let reader = open(path)?;
     let header = Header::of(path, reader.headers());
     let places = locate(&header, wanted)?;
@@ -85,7 +85,7 @@ pub fn read_channels<S: AsRef<str>>(path: &Path, wanted: &[S]) -> Result<Pixels,
     // block leaves a hole where it should have been.
     let expected = chunks_of(&meta, &live);
     if seen.len() != expected {
-        return Err(SceneError::Corrupt {
+        return Err(ImageError::Corrupt {
             path: path.to_owned(),
             detail: format!("{} of {expected} chunks are present", seen.len()),
         });
@@ -102,13 +102,13 @@ struct Place {
 }
 
 /// Finds the wanted channels and checks that they can be used together.
-fn locate<S: AsRef<str>>(header: &Header, wanted: &[S]) -> Result<Vec<Place>, SceneError> {
+fn locate<S: AsRef<str>>(header: &Header, wanted: &[S]) -> Result<Vec<Place>, ImageError> {
     let path = header.path();
     let mut places: Vec<Place> = Vec::new();
     for name in wanted {
         let name = name.as_ref();
         let Some((part, channel)) = header.find(name) else {
-            return Err(SceneError::MissingChannel {
+            return Err(ImageError::MissingChannel {
                 path: path.to_owned(),
                 channel: name.to_owned(),
                 present: header.listing(),
@@ -117,7 +117,7 @@ fn locate<S: AsRef<str>>(header: &Header, wanted: &[S]) -> Result<Vec<Place>, Sc
         if let Some(first) = places.first() {
             let (a, b) = (&header.parts()[first.part], &header.parts()[part]);
             if (a.size, a.origin) != (b.size, b.origin) {
-                return Err(SceneError::WindowsDiffer {
+                return Err(ImageError::WindowsDiffer {
                     path: path.to_owned(),
                     first: first.name.clone(),
                     first_window: a.window(),
@@ -135,11 +135,11 @@ fn locate<S: AsRef<str>>(header: &Header, wanted: &[S]) -> Result<Vec<Place>, Sc
 
 /// Room for the result, refused as an error where a lying header asks for more
 /// than the file can hold or the machine has.
-fn allocate(path: &Path, channels: usize, pixels: usize) -> Result<Vec<Vec<f32>>, SceneError> {
+fn allocate(path: &Path, channels: usize, pixels: usize) -> Result<Vec<Vec<f32>>, ImageError> {
     let bytes = (pixels as u64) * 2 * (channels as u64);
     let length = std::fs::metadata(path).map(|file| file.len()).unwrap_or(0);
     if bytes > length.saturating_mul(MAX_RATIO) {
-        return Err(SceneError::Corrupt {
+        return Err(ImageError::Corrupt {
             path: path.to_owned(),
             detail: format!("{length} bytes cannot hold {channels} channels of {pixels} pixels"),
         });
@@ -148,7 +148,7 @@ fn allocate(path: &Path, channels: usize, pixels: usize) -> Result<Vec<Vec<f32>>
     for _ in 0..channels {
         let mut plane = Vec::new();
         if plane.try_reserve_exact(pixels).is_err() {
-            return Err(SceneError::Unsupported {
+            return Err(ImageError::Unsupported {
                 path: path.to_owned(),
                 what: format!("{channels} channels of {pixels} pixels do not fit in memory"),
                 advice: "cut it into smaller images",
@@ -195,13 +195,13 @@ fn convert(
     meta: &MetaData,
     header: &Header,
     places: &[Place],
-) -> Result<Band, SceneError> {
+) -> Result<Band, ImageError> {
     let block = guarded(path, || {
         dwa::check(&chunk, &meta.headers)?;
         UncompressedBlock::decompress_chunk(chunk, meta, false)
     })?;
     let corrupt =
-        |detail: &str| SceneError::Corrupt { path: path.to_owned(), detail: detail.to_owned() };
+        |detail: &str| ImageError::Corrupt { path: path.to_owned(), detail: detail.to_owned() };
     let index = block.index;
     let part = header.parts().get(index.layer).ok_or_else(|| corrupt("a chunk of no part"))?;
     let (x, y) = (index.pixel_position.0, index.pixel_position.1);

@@ -21,9 +21,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::SceneError;
-use super::defect::is_good;
-use super::image::Image;
+use super::{Image, ImageError, is_good};
 
 /// The share of pixels that the trimmed error leaves out.
 const TRIMMED: f64 = 0.001;
@@ -94,7 +92,7 @@ impl Metrics {
     ///
     /// # Errors
     /// If the images differ in size.
-    pub fn of(image: &Image, reference: &Image) -> Result<Self, SceneError> {
+    pub fn of(image: &Image, reference: &Image) -> Result<Self, ImageError> {
         check_sizes(image, reference)?;
         let (image, reference) = (image.rgb(), reference.rgb());
         let mut errors = pixel_errors(image, reference, relative);
@@ -123,7 +121,7 @@ impl Comparison {
     ///
     /// # Errors
     /// If the images differ in size, or the reference has no such pixel.
-    pub fn of(image: &Image, reference: &Image) -> Result<Self, SceneError> {
+    pub fn of(image: &Image, reference: &Image) -> Result<Self, ImageError> {
         check_sizes(image, reference)?;
         let is_sound = |image: &Image, k: usize| image.rgb().iter().all(|rgb| is_good(rgb[k]));
         let pixels = reference.rgb()[0].len();
@@ -142,10 +140,10 @@ impl Comparison {
     }
 }
 
-fn check_sizes(image: &Image, reference: &Image) -> Result<(), SceneError> {
+fn check_sizes(image: &Image, reference: &Image) -> Result<(), ImageError> {
     match image.size() == reference.size() {
         true => Ok(()),
-        false => Err(SceneError::SizeMismatch {
+        false => Err(ImageError::SizeMismatch {
             image: image.name().to_owned(),
             size: image.size(),
             reference: reference.name().to_owned(),
@@ -299,9 +297,9 @@ mod tests {
         assert_eq!(bad.metrics.rel_mse, f64::INFINITY);
 
         let nothing = grey(3, 2, |_| f32::INFINITY);
-        assert!(matches!(Comparison::of(&image, &nothing), Err(SceneError::BadReference { .. })));
+        assert!(matches!(Comparison::of(&image, &nothing), Err(ImageError::BadReference { .. })));
         let other = Comparison::of(&grey(2, 3, |_| 0.0), &nothing);
-        assert!(matches!(other, Err(SceneError::SizeMismatch { .. })));
+        assert!(matches!(other, Err(ImageError::SizeMismatch { .. })));
     }
 
     #[test]

@@ -11,8 +11,8 @@ use exr::prelude::{Compression, SmallVec, WritableImage};
 
 use super::guard::guarded;
 use super::header::Attributes;
-use crate::scene::SceneError;
-use crate::scene::output::write_atomically;
+use crate::image::ImageError;
+use crate::image::output::write_atomically;
 
 /// Writes an RGB image (float, ZIP, scan lines), taking along what `attributes`
 /// of the source image still says truly of it. The file appears complete or not
@@ -28,7 +28,7 @@ pub fn write_rgb(
     (width, height): (usize, usize),
     rgb: [&[f32]; 3],
     attributes: Option<&Attributes>,
-) -> Result<(), SceneError> {
+) -> Result<(), ImageError> {
     for channel in rgb {
         assert_eq!(channel.len(), width * height, "one sample per pixel and channel");
     }

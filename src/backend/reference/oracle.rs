@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::{Rect, SMALLEST_SUM, TRUSTED_SHARE, color_at};
+use crate::backend::{Rect, SMALLEST_SUM, TRUSTED_SHARE, color_at};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::tape::Side;
 use crate::filter::{Gather, Window};
@@ -38,7 +38,7 @@ impl Exact {
 
     /// How far a computed colour is from this one: the greatest relative difference
     /// of a channel, divided by the sums' condition. This is what
-    /// [`ACCURACY`](super::ACCURACY) bounds. A colour that cancelled away is
+    /// [`ACCURACY`](crate::backend::ACCURACY) bounds. A colour that cancelled away is
     /// measured by what was cancelled; NaN is infinitely far off.
     pub fn difference(&self, computed: [f32; 3]) -> f64 {
         let condition = self.magnitude / self.total.abs();

@@ -71,16 +71,16 @@ pub struct Dialect {
 }
 
 /// A tape in WGSL.
-pub(super) struct Statements {
+pub(in crate::backend) struct Statements {
     /// One statement per line.
-    pub(super) lines: String,
+    pub(in crate::backend) lines: String,
     /// The results: names of values, or literals.
-    pub(super) results: Vec<String>,
+    pub(in crate::backend) results: Vec<String>,
 }
 
 /// Writes a tape; `input` gives the expression that reads an input. The
 /// functions of [`functions`] must be in scope.
-pub(super) fn statements(
+pub(in crate::backend) fn statements(
     tape: &Tape,
     dialect: Dialect,
     input: impl Fn(Input) -> String,
@@ -248,7 +248,7 @@ fn primitive(prim: Prim, [a, b, c, d]: [&Operand; 4]) -> String {
 
 /// The functions that the statements in `body` call and WGSL does not have.
 /// `pinned` reads a zero from the uniform `params`.
-pub(super) fn functions(body: &str, dialect: Dialect) -> String {
+pub(in crate::backend) fn functions(body: &str, dialect: Dialect) -> String {
     let mut text = String::new();
     // Earlier functions call later ones only.
     let mut called = |name: &str, source: &str| {

@@ -9,15 +9,15 @@ use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{Compression, WritableImage};
 
 /// A part to be written.
-pub(super) struct PartOf {
-    pub(super) name: Option<&'static str>,
-    pub(super) size: (usize, usize),
-    pub(super) origin: (i32, i32),
-    pub(super) encoding: Encoding,
-    pub(super) channels: Vec<(String, FlatSamples)>,
+pub(crate) struct PartOf {
+    pub(crate) name: Option<&'static str>,
+    pub(crate) size: (usize, usize),
+    pub(crate) origin: (i32, i32),
+    pub(crate) encoding: Encoding,
+    pub(crate) channels: Vec<(String, FlatSamples)>,
 }
 
-pub(super) fn part(size: (usize, usize)) -> PartOf {
+pub(crate) fn part(size: (usize, usize)) -> PartOf {
     PartOf {
         name: None,
         size,
@@ -27,23 +27,23 @@ pub(super) fn part(size: (usize, usize)) -> PartOf {
     }
 }
 
-pub(super) fn scan_lines(compression: Compression) -> Encoding {
+pub(crate) fn scan_lines(compression: Compression) -> Encoding {
     Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing }
 }
 
-pub(super) fn tiles(compression: Compression, size: (usize, usize)) -> Encoding {
+pub(crate) fn tiles(compression: Compression, size: (usize, usize)) -> Encoding {
     let blocks = Blocks::Tiles(Vec2(size.0, size.1));
     Encoding { compression, blocks, line_order: LineOrder::Increasing }
 }
 
 impl PartOf {
-    pub(super) fn with(mut self, name: &str, samples: Vec<f32>) -> Self {
+    pub(crate) fn with(mut self, name: &str, samples: Vec<f32>) -> Self {
         self.channels.push((name.to_owned(), FlatSamples::F32(samples)));
         self
     }
 
     /// Every channel of this size, filled by a function of channel and pixel.
-    pub(super) fn filled(mut self, names: &[&str], f: impl Fn(usize, usize) -> f32) -> Self {
+    pub(crate) fn filled(mut self, names: &[&str], f: impl Fn(usize, usize) -> f32) -> Self {
         let pixels = self.size.0 * self.size.1;
         for (k, name) in names.iter().enumerate() {
             self = self.with(name, (0..pixels).map(|i| f(k, i)).collect());
@@ -53,23 +53,23 @@ impl PartOf {
 }
 
 /// A file that lives as long as its folder.
-pub(super) struct File {
-    pub(super) path: PathBuf,
-    pub(super) folder: tempfile::TempDir,
+pub(crate) struct File {
+    pub(crate) path: PathBuf,
+    pub(crate) folder: tempfile::TempDir,
 }
 
 impl File {
-    pub(super) fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         std::fs::read(&self.path).expect("the file was written")
     }
 
-    pub(super) fn replace(&self, bytes: &[u8]) {
+    pub(crate) fn replace(&self, bytes: &[u8]) {
         std::fs::write(&self.path, bytes).expect("a temporary folder is writable");
     }
 }
 
 /// Writes parts to a file in a temporary folder.
-pub(super) fn file(parts: Vec<PartOf>) -> File {
+pub(crate) fn file(parts: Vec<PartOf>) -> File {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("sample.exr");
     let window = IntegerBounds::from_dimensions(parts[0].size);

@@ -7,8 +7,8 @@ use exr::prelude::Compression;
 use half::f16;
 
 use super::*;
-use crate::scene::SceneError;
-use crate::scene::sample::{File, PartOf, file, part, scan_lines, tiles};
+use crate::image::ImageError;
+use crate::image::sample::{File, PartOf, file, part, scan_lines, tiles};
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
@@ -17,7 +17,7 @@ fn value(channel: usize, pixel: usize) -> f32 {
     (pixel % 37) as f32 * 0.5 - channel as f32
 }
 
-fn read(file: &File, names: &[&str]) -> Result<Pixels, SceneError> {
+fn read(file: &File, names: &[&str]) -> Result<Pixels, ImageError> {
     read_channels(&file.path, names)
 }
 
@@ -99,7 +99,7 @@ fn unwanted_parts_are_not_read() {
     let bytes = sample.bytes();
     sample.replace(&bytes[..bytes.len() - 20]);
     assert!(read(&sample, &["a.Z"]).is_ok());
-    assert!(matches!(read(&sample, &["b.Z"]), Err(SceneError::Corrupt { .. })));
+    assert!(matches!(read(&sample, &["b.Z"]), Err(ImageError::Corrupt { .. })));
 }
 
 #[test]
@@ -158,10 +158,10 @@ fn what_is_no_exr_file_says_so() {
         let error = read(&sample, &RGB).unwrap_err().to_string();
         assert!(error.contains("sample.exr"), "{error}");
     }
-    assert!(matches!(read(&sample, &RGB), Err(SceneError::NotExr { .. })));
+    assert!(matches!(read(&sample, &RGB), Err(ImageError::NotExr { .. })));
     let folder = sample.folder.path();
-    assert!(matches!(read_channels(folder, &RGB), Err(SceneError::Unsupported { .. })));
-    assert!(matches!(read_channels(Path::new("/no/such.exr"), &RGB), Err(SceneError::Io { .. })));
+    assert!(matches!(read_channels(folder, &RGB), Err(ImageError::Unsupported { .. })));
+    assert!(matches!(read_channels(Path::new("/no/such.exr"), &RGB), Err(ImageError::Io { .. })));
 }
 
 #[test]

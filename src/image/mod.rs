@@ -1,11 +1,31 @@
-//! Plain RGB images: references, results.
+//! Floor 1: images, the files they are in, and how far one is from another.
+//!
+//! [`exr`] reads and writes OpenEXR files, [`metric`] compares images, and
+//! [`write_atomically`] writes files whole or not at all. What the channels of a
+//! renderer's file stand for is no matter of this room: see [`scene`](crate::scene).
+
+mod error;
+pub mod exr;
+pub mod metric;
+mod output;
+#[cfg(test)]
+pub(crate) mod sample;
 
 use std::path::Path;
 
-use super::SceneError;
-use super::exr::{Attributes, Header, read_channels, write_rgb};
-use super::mapping::Mapping;
-use super::repair;
+pub use error::ImageError;
+pub use exr::Attributes;
+pub use metric::{Comparison, Metrics};
+pub use output::write_atomically;
+
+use crate::expr::builder::LIMIT;
+use exr::write_rgb;
+
+/// Whether a sample can be computed with.
+pub fn is_good(sample: f32) -> bool {
+    // A NaN compares false.
+    sample.abs() <= LIMIT
+}
 
 /// An RGB image, linear, row by row without padding.
 #[derive(Clone, Debug)]
@@ -32,39 +52,11 @@ impl Image {
         })
     }
 
-    /// Reads the colour of a file (bare `R G B` or what its renderer calls the
-    /// image), and no other channel. Samples are taken as they are.
-    ///
-    /// # Errors
-    /// If the file cannot be read or has no colour.
-    pub fn load(path: &Path) -> Result<Self, SceneError> {
-        let header = Header::read(path)?;
-        let mapping = Mapping::of(&header);
-        let names = &mapping.color(&header)?.channels;
-        let mut pixels = read_channels(path, names)?;
-        let mut next = names.iter().map(|name| {
-            pixels.channels.remove(name).expect("read_channels returns what was wanted")
-        });
-        let rgb = std::array::from_fn(|_| next.next().expect("a colour has three channels"));
-        drop(next);
-        Ok(Self {
-            name: path.display().to_string(),
-            size: (pixels.width, pixels.height),
-            rgb,
-            channels: std::array::from_fn(|k| names[k].clone()),
-            attributes: Some(pixels.attributes),
-        })
-    }
-
-    /// Reads an image that others are to be measured against, as [`load`](Self::load)
-    /// does.
-    ///
-    /// # Errors
-    /// Those of [`load`](Self::load), and of [`check_reference`](Self::check_reference).
-    pub fn load_reference(path: &Path) -> Result<Self, SceneError> {
-        let image = Self::load(path)?;
-        image.check_reference()?;
-        Ok(image)
+    /// The same image whose channels errors call by other names than R, G and B.
+    #[must_use]
+    pub fn with_channels(mut self, channels: [String; 3]) -> Self {
+        self.channels = channels;
+        self
     }
 
     /// Checks that other images can be measured against this one: a single pixel that is
@@ -73,14 +65,14 @@ impl Image {
     ///
     /// # Errors
     /// If a sample is not finite or beyond ±1e18.
-    pub fn check_reference(&self) -> Result<(), SceneError> {
+    pub fn check_reference(&self) -> Result<(), ImageError> {
         for (channel, samples) in self.channels.iter().zip(&self.rgb) {
-            if let Some(bad) = repair::find(samples) {
-                return Err(SceneError::BadReference {
+            if let Some(first) = samples.iter().position(|&x| !is_good(x)) {
+                return Err(ImageError::BadReference {
                     image: self.name.clone(),
                     channel: channel.clone(),
-                    count: bad.count,
-                    first: (bad.first[0] % self.size.0, bad.first[0] / self.size.0),
+                    count: samples.iter().filter(|&&x| !is_good(x)).count(),
+                    first: (first % self.size.0, first / self.size.0),
                 });
             }
         }
@@ -91,7 +83,7 @@ impl Image {
     ///
     /// # Errors
     /// If the file cannot be written; it then is as it was before.
-    pub fn save(&self, path: &Path) -> Result<(), SceneError> {
+    pub fn save(&self, path: &Path) -> Result<(), ImageError> {
         write_rgb(path, self.size, self.rgb(), self.attributes.as_ref())
     }
 

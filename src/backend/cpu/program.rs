@@ -16,10 +16,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::band::Band;
-use super::cpu::per_tap;
+use super::paper::per_tap;
 use super::rows::{Add, Double, Halve, Mean, Trust};
 use super::sums::{self, Frame, Owed, Summer, Sums};
-use super::{BackendError, Executable, Filtered, Rect, holds, inside};
+use crate::backend::{BackendError, Executable, Filtered, Rect, holds, inside};
 use crate::expr::Feature;
 use crate::expr::feature::PlaneId;
 use crate::expr::symbol::{Source, StagePlane};

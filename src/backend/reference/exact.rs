@@ -4,11 +4,11 @@ use rayon::prelude::*;
 
 use super::meaning;
 use super::oracle::{self, Exact as Pixel};
-use super::{ACCURACY, TRUSTED_SHARE, TRUSTED_SUM, color_at};
-use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect, inside};
+use crate::backend::{ACCURACY, TRUSTED_SHARE, TRUSTED_SUM, color_at};
+use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect, inside};
 use crate::expr::Tree;
 use crate::filter::{Filter, Gather};
-use crate::plan::{Plan, Program};
+use crate::plan::Plan;
 use crate::scene::Scene;
 
 /// The [`oracle`] as a back end. Only the last step rounds to `f32`, so that colours are
@@ -28,16 +28,13 @@ impl Backend for Exact {
     }
 
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
-        let stage = |weight: &Tree| Gather::of_color(weight.clone(), plan.window());
-        Ok(Box::new(Meaning { stages: plan.expressions().iter().map(stage).collect() }))
-    }
-
-    fn runs_programs(&self) -> bool {
-        true
-    }
-
-    fn program(&self, program: &Program) -> Result<Box<dyn Executable>, BackendError> {
-        Ok(Box::new(Whole { filter: program.filter.clone() }))
+        Ok(match plan {
+            Plan::Window(plan) => {
+                let stage = |weight: &Tree| Gather::of_color(weight.clone(), plan.window());
+                Box::new(Meaning { stages: plan.expressions().iter().map(stage).collect() })
+            }
+            Plan::Program(program) => Box::new(Whole { filter: program.filter.clone() }),
+        })
     }
 }
 

@@ -3,13 +3,13 @@
 
 use tamis_jit::{Body, Chains, Compiler, Features, Job, Kernel, Lanes, Width, WindowSpec};
 
-use super::cpu::{CHANNELS, Rates, tapes};
+use super::paper::{CHANNELS, Rates, tapes};
 use super::program::{self, Engine, MapBlock, Mapper};
 use super::sums::{Frame, Summer, Taps};
-use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
+use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::feature::PlaneId;
 use crate::expr::tape::{Input, Instr, Prim, Side, Tape};
-use crate::plan::{self, GatherKernel, MapKernel, Plan, Run};
+use crate::plan::{GatherKernel, MapKernel, Plan, Run, WindowPlan};
 use crate::scene::Scene;
 
 /// Compiles tapes to machine code.
@@ -70,7 +70,7 @@ impl Jit {
 }
 
 struct Compiled {
-    plan: Plan,
+    plan: WindowPlan,
     rates: Rates,
     pair: Pair,
 }
@@ -165,19 +165,15 @@ impl Backend for Jit {
     }
 
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
+        let plan = match plan {
+            Plan::Window(plan) => plan,
+            Plan::Program(program) => return Ok(Box::new(program::Compiled::new(self, program)?)),
+        };
         let planes = planes(&tapes(plan).pair);
         let body = TapeBody { tape: &tapes(plan).pair, planes: &planes, channels: CHANNELS };
         let kernel = self.compiler.compile(spec(plan, &planes), self.chains, &body)?;
         let pair = Pair { kernel, planes };
-        Ok(Box::new(Compiled { plan: plan.clone(), rates: Rates::new(plan), pair }))
-    }
-
-    fn runs_programs(&self) -> bool {
-        true
-    }
-
-    fn program(&self, program: &plan::Program) -> Result<Box<dyn Executable>, BackendError> {
-        Ok(Box::new(program::Compiled::new(self, program)?))
+        Ok(Box::new(Compiled { plan: (**plan).clone(), rates: Rates::new(plan), pair }))
     }
 }
 
@@ -247,7 +243,7 @@ fn planes(tape: &Tape) -> Vec<PlaneId> {
 }
 
 /// What the kernel of a plan sums, and over how many of each.
-fn spec(plan: &Plan, planes: &[PlaneId]) -> WindowSpec {
+fn spec(plan: &WindowPlan, planes: &[PlaneId]) -> WindowSpec {
     let tapes = tapes(plan);
     WindowSpec {
         planes: CHANNELS + planes.len() + tapes.pixel.results().len(),
@@ -348,7 +344,7 @@ mod tests {
         let shipped = ["data/filters/tamis-1.toml", "data/filters/tamis-2.toml"];
         let shipped = shipped.map(|file| Filter::read(&root.join(file)).expect("it ships"));
         let shipped = shipped.map(|filter| filter.paper().expect("one gather").weight.clone());
-        let bred = include_str!("../../tests/fixture/bred.txt").lines();
+        let bred = include_str!("../../../tests/fixture/bred.txt").lines();
         let bred = bred.filter(|line| !line.starts_with('#') && !line.is_empty());
         let bred = bred.map(|line| line.parse().expect("the fixture is sound"));
         named.chain(shipped).chain(bred).collect()
@@ -364,7 +360,7 @@ mod tests {
         for (n, weight) in filters().iter().enumerate() {
             let weights = std::slice::from_ref(weight);
             let passes = Passes { symmetry: n % 2 == 0, ..Passes::ALL };
-            let plan = Plan::new(weights, Window::dense(4), &Facts::of_any_scene(), passes);
+            let plan = WindowPlan::new(weights, Window::dense(4), &Facts::of_any_scene(), passes);
             let plan = plan.expect("any scene has every feature");
             mirrored += usize::from(plan.mirrored().is_some());
             let tape = &tapes(&plan).pair;

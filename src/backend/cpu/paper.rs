@@ -8,9 +8,11 @@ use rayon::prelude::*;
 use super::block::{Arg, BLOCK, LANES, Program, Slots};
 use super::converged::Changes;
 use super::sums::{Frame, Scratch, SumShape, Summer, Sums};
-use super::{BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, holds, inside};
+use crate::backend::{
+    BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, holds, inside,
+};
 use crate::expr::tape::{Axis, Input, Side};
-use crate::plan::{Plan, Tapes};
+use crate::plan::{Tapes, WindowPlan};
 use crate::scene::Scene;
 use crate::scene::plane::{Lines, Plane, Samples};
 
@@ -26,7 +28,7 @@ const TALL_STRIPS: usize = 2;
 pub(super) const CHANNELS: usize = 4;
 
 /// The tapes that CPU back ends run: the mirrored ones where there are any.
-pub(super) fn tapes(plan: &Plan) -> &Tapes {
+pub(super) fn tapes(plan: &WindowPlan) -> &Tapes {
     plan.mirrored().unwrap_or(plan.tapes())
 }
 
@@ -51,7 +53,7 @@ struct Stretch<'a> {
 }
 
 impl Rates {
-    pub(super) fn new(plan: &Plan) -> Self {
+    pub(super) fn new(plan: &WindowPlan) -> Self {
         let tapes = tapes(plan);
         Self {
             sums: Sums::of_plan(plan),
@@ -65,7 +67,7 @@ impl Rates {
     /// Runs a plan whose pair tape `summer` runs.
     pub(super) fn run<S: Summer>(
         &self,
-        plan: &Plan,
+        plan: &WindowPlan,
         summer: &S,
         scene: &Scene,
         region: &[Rect],
@@ -107,7 +109,7 @@ impl Rates {
 
     fn gather<'a>(
         &self,
-        plan: &Plan,
+        plan: &WindowPlan,
         scene: &'a Scene,
         strips: &[Rect],
     ) -> Result<Frame<'a>, BackendError> {
@@ -287,7 +289,7 @@ fn channels(scene: &Scene) -> [&[f32]; CHANNELS] {
 /// The tap tape's results for every offset of the support, row by row from the top,
 /// left to right: those of the first tap, then of the second, …
 #[cfg(feature = "gpu")]
-pub(super) fn dense_taps(plan: &Plan) -> Vec<f32> {
+pub(in crate::backend) fn dense_taps(plan: &WindowPlan) -> Vec<f32> {
     let window = plan.support();
     let along = || {
         let [radius, dilation] = [window.radius, window.dilation].map(|x| x as i32);
