@@ -49,6 +49,7 @@
 //! - [`image`]: images, OpenEXR files, metrics.
 //! - [`scene`]: features to normalised planes and facts about them.
 //! - [`plan`]: the passes; filters and their files.
+//! - [`denoise`]: files in, images out.
 //! - [`backend`]: interpreter, machine code, and the exact oracle.
 //! - [`evolve`]: the search.
 //! - [`export`]: filters as code and equations for others.
@@ -59,6 +60,7 @@
 pub mod backend;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod denoise;
 pub mod evolve;
 pub mod export;
 pub mod expr;

@@ -14,6 +14,7 @@ const FLOORS: &[&[&str]] = &[
     &["filter"],
     &["plan"],
     &["backend"],
+    &["denoise"],
     &["evolve", "export", "report", "stress"],
     &["cli"],
 ];

@@ -1,23 +1,8 @@
-//! Applying a filter to a scene, from the filter to an image.
-
-use std::time::{Duration, Instant};
+//! What filters read of scenes.
 
 use super::error::Error;
-use crate::backend::{Backend, Rect};
 use crate::filter::{Checked, Filter, Gather};
-use crate::image::Image;
-use crate::plan::{Passes, Plan};
-use crate::scene::{Facts, Needs, Scene};
-
-/// A filtered image, and what it took.
-pub(super) struct Applied {
-    pub(super) image: Image,
-    /// Pixels that kept their noisy colour.
-    pub(super) kept: usize,
-    pub(super) planning: Duration,
-    pub(super) compilation: Duration,
-    pub(super) filtering: Duration,
-}
+use crate::scene::Needs;
 
 /// The planes that a filter reads of a scene.
 pub(super) fn needs(filter: &Filter) -> Needs {
@@ -38,42 +23,4 @@ fn checked(filter: &Filter) -> Checked<'_> {
 pub(super) fn gather(filter: &Filter) -> Result<&Gather, Error> {
     let stages = filter.stages.len();
     filter.paper().ok_or_else(|| Error::Stages { filter: filter.name.clone(), stages })
-}
-
-/// Filters a scene that was loaded with the filter's [`needs`] and [`reach`].
-pub(super) fn apply(
-    filter: &Filter,
-    scene: &Scene,
-    backend: &dyn Backend,
-    passes: Passes,
-) -> Result<Applied, Error> {
-    let checked = checked(filter);
-    scene.require(&checked.required())?;
-    let (scene_name, filter_name) = (scene.name(), &filter.name);
-    let failed =
-        |source| Error::Run { scene: scene_name.to_owned(), filter: filter_name.clone(), source };
-
-    let start = Instant::now();
-    let plan = Plan::of(&checked, &Facts::of(scene), passes).map_err(|source| Error::Plan {
-        scene: scene_name.to_owned(),
-        filter: filter_name.clone(),
-        source,
-    })?;
-    let planning = start.elapsed();
-
-    let start = Instant::now();
-    let executable = backend.compile(&plan).map_err(failed)?;
-    let compilation = start.elapsed();
-
-    let start = Instant::now();
-    let whole = Rect::whole(scene);
-    let filtered = executable.run(scene, &[whole]).map_err(failed)?;
-    let filtered = filtered.into_iter().next().expect("one result for one weight");
-    let filtering = start.elapsed();
-
-    let rgb = [0, 1, 2].map(|channel| filtered.pixels.iter().map(|c| c[channel]).collect());
-    let image = Image::new(scene_name, whole.width, whole.height, rgb)
-        .expect("one colour per pixel of the rectangle")
-        .with_attributes(scene.attributes());
-    Ok(Applied { image, kept: filtered.kept, planning, compilation, filtering })
 }

@@ -167,10 +167,11 @@ pub(super) struct BackendArgs {
     #[arg(long, value_name = "NAME|INDEX")]
     gpu: Option<String>,
 
-    /// Memory for buffers on the GPU; larger images are filtered in tiles, to the
-    /// same bits
-    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = memory)]
-    max_memory: u64,
+    /// Memory that may be used: on the processor for images and what is made of them
+    /// [default: half of what is free], on the GPU for buffers [default: 1GiB]. Larger
+    /// images are filtered part by part, to the same bits
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    max_memory: Option<u64>,
 
     /// How accurate filters are run
     #[arg(long, value_name = "PRECISION", default_value = Precision::Standard.name(), value_parser = tiers())]
@@ -180,6 +181,18 @@ pub(super) struct BackendArgs {
 #[cfg(feature = "gpu")]
 const TWO: NonZeroUsize = NonZeroUsize::new(2).expect("not zero");
 
+/// Half of the memory that is free, in bytes; no bound where nobody can tell.
+fn half_of_what_is_free() -> u64 {
+    let mut system = sysinfo::System::new();
+    system.refresh_memory();
+    let free = match (system.available_memory(), system.cgroup_limits()) {
+        (0, _) => u64::MAX,
+        (free, None) => free,
+        (free, Some(limits)) => free.min(limits.free_memory),
+    };
+    free / 2
+}
+
 /// An opened back end.
 pub(super) struct Opened {
     pub(super) backend: Box<dyn Backend>,
@@ -188,18 +201,23 @@ pub(super) struct Opened {
     pub(super) frames: NonZeroUsize,
 }
 
-#[cfg(feature = "gpu")]
 fn memory(text: &str) -> Result<u64, String> {
     let size = text.parse::<bytesize::ByteSize>();
     size.map(|size| size.as_u64()).map_err(|_| "expected a size such as 512M or 2GiB".to_owned())
 }
 
-#[cfg(not(feature = "gpu"))]
-fn memory(_: &str) -> Result<u64, String> {
-    Ok(0)
-}
+/// Memory for buffers on the GPU, unless something else is said.
+#[cfg(feature = "gpu")]
+const GPU_BUFFERS: u64 = 1 << 30;
 
 impl BackendArgs {
+    /// Memory for images and what is made of them on the processor, in bytes. GPUs have
+    /// memory of their own.
+    pub(super) fn memory_for_scenes(&self) -> u64 {
+        let on_gpu = matches!(self.backend, Choice::Gpu | Choice::Auto);
+        self.max_memory.filter(|_| !on_gpu).unwrap_or_else(half_of_what_is_free)
+    }
+
     /// The back end, if this computer has it. What `auto` settles for is said.
     pub(super) fn open(&self, log: Log) -> Result<Opened, Error> {
         match self.backend {
@@ -239,7 +257,7 @@ impl BackendArgs {
 
     #[cfg(not(feature = "gpu"))]
     fn auto(&self, log: Log) -> Result<Opened, Error> {
-        let _ = (self.precision, self.max_memory);
+        let _ = self.precision;
         log.say("--backend auto: this program was built without GPUs; the processor filters");
         Ok(Opened { backend: self.open_processor(Processor::DEFAULT)?, frames: NonZeroUsize::MIN })
     }
@@ -294,7 +312,7 @@ impl BackendArgs {
     fn options(&self) -> crate::backend::gpu::Options {
         crate::backend::gpu::Options {
             adapter: self.gpu.clone(),
-            max_memory: self.max_memory,
+            max_memory: self.max_memory.unwrap_or(GPU_BUFFERS),
             precision: self.precision.precision(),
             ..crate::backend::gpu::Options::default()
         }

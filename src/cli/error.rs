@@ -4,12 +4,11 @@ use std::io;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use crate::backend::BackendError;
+use crate::denoise::DenoiseError;
 use crate::evolve;
 use crate::export::ExportError;
-use crate::filter::FilterFileError;
+use crate::filter::{FilterFileError, ResizeError};
 use crate::image::ImageError;
-use crate::plan::PlanError;
 use crate::scene::SceneError;
 
 /// Why a command could not do its work.
@@ -52,26 +51,12 @@ pub(super) enum Error {
         /// Where it stands.
         checkpoint: PathBuf,
     },
-    /// A filter and a scene do not go together.
-    #[error("{scene}: filter `{filter}` cannot be applied: {source}")]
-    Plan {
-        /// The scene's name.
-        scene: String,
-        /// The filter's name.
-        filter: String,
-        /// Why.
-        source: PlanError,
-    },
-    /// A filter could not be run.
-    #[error("{scene}: filter `{filter}` could not be run: {source}")]
-    Run {
-        /// The scene's name.
-        scene: String,
-        /// The filter's name.
-        filter: String,
-        /// Why.
-        source: BackendError,
-    },
+    /// An image cannot be filtered.
+    #[error(transparent)]
+    Denoise(#[from] DenoiseError),
+    /// A filter has no such radius.
+    #[error(transparent)]
+    Radius(#[from] ResizeError),
     /// There is no machine code on this computer.
     #[error("no machine code can be made on this computer ({reason}); use `--backend interp`")]
     NoMachineCode {
@@ -178,15 +163,17 @@ impl Error {
             Self::NoGpu => 1,
             #[cfg(feature = "gpu")]
             Self::Gpu(_) => 1,
-            Self::Usage(_) | Self::Search(evolve::Error::Setting { .. }) => 2,
+            Self::Usage(_)
+            | Self::Radius(_)
+            | Self::Denoise(DenoiseError::Radius(_))
+            | Self::Search(evolve::Error::Setting { .. }) => 2,
             Self::Scene(_)
             | Self::Image(_)
             | Self::NoSuchScenes { .. }
             | Self::FilterFile(_)
             | Self::Search(_)
             | Self::Interrupted { .. }
-            | Self::Plan { .. }
-            | Self::Run { .. }
+            | Self::Denoise(_)
             | Self::NoMachineCode { .. }
             | Self::Stages { .. }
             | Self::MissingInputs { .. }

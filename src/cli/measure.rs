@@ -1,12 +1,13 @@
 //! Filters measured on scenes.
 
-use super::apply::{Applied, apply, needs, reach};
+use super::apply::{needs, reach};
 use super::error::Error;
 use super::log::Log;
 use super::options::Running;
 use crate::backend::Backend;
+use crate::denoise::{Applied, apply};
 use crate::filter::Filter;
-use crate::image::Metrics;
+use crate::image::{Image, Metrics};
 use crate::plan::Passes;
 use crate::report::{Measured, Score, ScoreTable, Total};
 use crate::scene::{LoadOptions, Needs, Scene, SceneFiles, load_reference};
@@ -32,8 +33,8 @@ impl<'a> Measuring<'a> {
     }
 
     /// Applies a filter.
-    pub(super) fn apply(&self, filter: &Filter, scene: &Scene) -> Result<Applied, Error> {
-        apply(filter, scene, self.backend, self.passes)
+    pub(super) fn apply(&self, filter: &Filter, scene: &Scene) -> Result<(Image, Applied), Error> {
+        Ok(apply(filter, scene, self.backend, self.passes)?)
     }
 
     /// Runs every filter on every scene. That a filter cannot run on a scene is
@@ -54,7 +55,7 @@ impl<'a> Measuring<'a> {
             }
             let noisy = Metrics::of(&scene.noisy(), &reference)?;
             let measured = filters.iter().map(|filter| {
-                let Applied { image, kept, filtering, .. } =
+                let (image, Applied { kept, filtering, .. }) =
                     self.apply(filter, &scene).map_err(|error| error.to_string())?;
                 let metrics = Metrics::of(&image, &reference).map_err(|error| error.to_string())?;
                 Ok(Measured { metrics, kept, time: filtering })

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::error::Error;
 use crate::expr::text::parse_scalar;
 use crate::expr::{Feature, codebook};
-use crate::filter::{Filter, Gather, Window, shipped};
+use crate::filter::{Filter, Window, shipped};
 
 /// The names of the filters that are compared where none are named: those that were bred
 /// and those that are known. `--filter` knows the stand-ins' as well.
@@ -26,35 +26,11 @@ pub(super) fn named(name: &str) -> Option<Filter> {
 
 /// The filter that a text stands for, with another radius if one is given.
 pub(super) fn resolve(text: &str, radius: Option<u32>) -> Result<Filter, Error> {
-    resized(find(text)?, radius)
-}
-
-/// A filter with another radius, if one is given.
-pub(super) fn resized(mut filter: Filter, radius: Option<u32>) -> Result<Filter, Error> {
-    if let Some(radius) = radius {
-        if filter.paper().is_none() {
-            return Err(Error::Usage(format!(
-                "--radius {radius}: filter `{}` is a program of {} stages, each with a radius of \
-                 its own; change them in its file",
-                filter.name,
-                filter.stages.len()
-            )));
-        }
-        let name = filter.name.clone();
-        for Gather { window, .. } in filter.gathers_mut() {
-            window.radius = radius;
-            if window.reach() > Window::MAX_RADIUS {
-                return Err(Error::Usage(format!(
-                    "--radius {radius}: filter `{}` places its taps {} pixels apart, so the \
-                     radius can be at most {}",
-                    name,
-                    window.dilation,
-                    Window::MAX_RADIUS / window.dilation
-                )));
-            }
-        }
+    let filter = find(text)?;
+    match radius {
+        Some(radius) => Ok(filter.resized(radius)?),
+        None => Ok(filter),
     }
-    Ok(filter)
 }
 
 fn find(text: &str) -> Result<Filter, Error> {

@@ -107,7 +107,7 @@ impl Sheet {
         let mut panels = vec![panel("noisy", &noisy)?];
         for filter in &filters {
             match measuring.apply(filter, &scene) {
-                Ok(applied) => panels.push(panel(&filter.name, &applied.image)?),
+                Ok((image, _)) => panels.push(panel(&filter.name, &image)?),
                 // Whoever names a filter wants it; of all filters, those that can run.
                 Err(error) if self.filters.is_empty() => log.say(error),
                 Err(error) => return Err(error),

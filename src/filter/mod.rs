@@ -157,6 +157,38 @@ pub enum StandIn {
     Feature(Feature),
 }
 
+/// Why a filter cannot have another radius.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ResizeError {
+    /// Its windows are of several sizes.
+    #[error(
+        "--radius {radius}: filter `{filter}` is a program of {stages} stages, each with a radius \
+         of its own; change them in its file"
+    )]
+    Program {
+        /// The filter.
+        filter: String,
+        /// What was asked for.
+        radius: u32,
+        /// How many stages it has.
+        stages: usize,
+    },
+    /// Its taps are far apart.
+    #[error(
+        "--radius {radius}: filter `{filter}` places its taps {dilation} pixels apart, so the \
+         radius can be at most {}",
+        Window::MAX_RADIUS / dilation
+    )]
+    Reach {
+        /// The filter.
+        filter: String,
+        /// What was asked for.
+        radius: u32,
+        /// How far apart the taps are.
+        dilation: u32,
+    },
+}
+
 /// A filter: its stages in order, with their constants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Filter {
@@ -202,6 +234,26 @@ impl Filter {
             }
             _ => None,
         }
+    }
+
+    /// The filter with windows of another radius.
+    ///
+    /// # Errors
+    /// If it is a program, or its taps are too far apart for that.
+    pub fn resized(mut self, radius: u32) -> Result<Self, ResizeError> {
+        if self.paper().is_none() {
+            let stages = self.stages.len();
+            return Err(ResizeError::Program { filter: self.name, radius, stages });
+        }
+        let name = self.name.clone();
+        for Gather { window, .. } in self.gathers_mut() {
+            window.radius = radius;
+            if window.reach() > Window::MAX_RADIUS {
+                let dilation = window.dilation;
+                return Err(ResizeError::Reach { filter: name, radius, dilation });
+            }
+        }
+        Ok(self)
     }
 
     /// The features that the filter reads something of that a scene does not provide and

@@ -31,6 +31,7 @@ mod taps;
 mod window;
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::PlaneId;
@@ -136,6 +137,18 @@ impl Plan {
         match self {
             Self::Window(plan) => Some(plan),
             Self::Program(_) => None,
+        }
+    }
+
+    /// The rows of an image of so many that rows of the result hang on. Of a part of the image
+    /// that has these rows, they get the same bits.
+    pub fn rows(&self, rows: Range<usize>, height: usize) -> Range<usize> {
+        match self {
+            Self::Window(plan) => {
+                let reach = plan.support().reach() as usize;
+                rows.start.saturating_sub(reach)..(rows.end + reach).min(height)
+            }
+            Self::Program(program) => program.rows(rows, height),
         }
     }
 

@@ -102,6 +102,24 @@ impl Program {
     }
 }
 
+impl Program {
+    /// The rows of the image that rows of the result hang on, from an even one on and to an
+    /// even one or the last, so that pixels of half the resolution are made of the same ones.
+    pub(super) fn rows(&self, rows: Range<usize>, height: usize) -> Range<usize> {
+        let mut all = rows.clone();
+        for (kernel, needed) in self.kernels.iter().zip(self.needed(rows, height)) {
+            if needed.is_empty() {
+                continue;
+            }
+            // Features are looked at around a pixel, too.
+            let (step, reach) = (kernel.grid().step(), kernel.reach());
+            let start = (needed.start.saturating_sub(reach)) * step;
+            all = all.start.min(start)..all.end.max((needed.end + reach) * step);
+        }
+        all.start / 2 * 2..all.end.next_multiple_of(2).min(height)
+    }
+}
+
 /// What is known of a component of a stage.
 #[derive(Clone, Copy)]
 struct Component {

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::Scene;
-use super::plane::{Plane, Samples};
+use super::plane::{Plane, constant};
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::expr::interval::Interval;
@@ -32,7 +32,18 @@ impl Fact {
         match plane {
             Plane::Constant(value) => Self::Constant(*value),
             // The padding repeats pixels, so the pixels' range is the plane's.
-            Plane::Samples(samples) => Self::Range(range(samples)),
+            Plane::Samples(samples) => {
+                let rows = 0..samples.layout().height();
+                Self::Range(range(rows.map(|y| samples.pixels(y))))
+            }
+        }
+    }
+
+    /// What is known of a plane, given its pixels row by row.
+    pub(super) fn of_pixels(pixels: &[f32], width: usize) -> Self {
+        match constant(pixels) {
+            Some(value) => Self::Constant(value),
+            None => Self::Range(range(pixels.chunks(width))),
         }
     }
 
@@ -85,12 +96,12 @@ impl fmt::Display for Fact {
 }
 
 /// The range of a plane's pixels; everything if one of them is a NaN.
-fn range(samples: &Samples) -> Interval {
+fn range<'a>(rows: impl Iterator<Item = &'a [f32]>) -> Interval {
     // Eight running bounds: a single one would wait for itself at every pixel.
     let (mut lo, mut hi) = ([f32::INFINITY; 8], [f32::NEG_INFINITY; 8]);
     let mut is_nan = false;
-    for y in 0..samples.layout().height() {
-        let (groups, rest) = samples.pixels(y).as_chunks::<8>();
+    for row in rows {
+        let (groups, rest) = row.as_chunks::<8>();
         let mut widen = |k: usize, x: f32| {
             lo[k] = if x < lo[k] { x } else { lo[k] };
             hi[k] = if x > hi[k] { x } else { hi[k] };

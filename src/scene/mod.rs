@@ -24,6 +24,7 @@ pub mod facts;
 mod folder;
 pub mod inspect;
 pub mod mapping;
+mod mend;
 pub mod naming;
 mod needs;
 pub mod normalize;
@@ -33,6 +34,8 @@ pub mod plane;
 mod prepare;
 mod raw;
 pub mod repair;
+mod scratch;
+mod spill;
 #[cfg(test)]
 mod tests;
 
@@ -49,6 +52,7 @@ pub use picture::{load_image, load_reference};
 pub use plane::{Layout, Plane, Samples};
 pub use raw::RawScene;
 pub use repair::Repair;
+pub use spill::{SpilledScene, Weight};
 
 use crate::expr::feature::PlaneId;
 use crate::image::{Attributes, Image};
@@ -68,6 +72,7 @@ pub struct LoadOptions {
 pub struct Scene {
     name: String,
     layout: Layout,
+    top: usize,
     color: [Samples; 3],
     ones: Samples,
     planes: BTreeMap<PlaneId, Plane>,
@@ -104,6 +109,11 @@ impl Scene {
     /// Where the samples of every plane of this scene stand.
     pub fn layout(&self) -> Layout {
         self.layout
+    }
+
+    /// Where its first row stands in the image: 0, unless it is a part of one.
+    pub fn top(&self) -> usize {
+        self.top
     }
 
     /// The noisy colour as the renderer wrote it (but for repaired pixels): what
@@ -166,7 +176,6 @@ impl Scene {
     /// For the first plane that is missing: its spelling in expressions, the
     /// channels it would have been taken from, and those that the file has.
     pub fn require(&self, needs: &Needs) -> Result<(), SceneError> {
-        let missing = needs.named().into_iter().flatten().find(|id| !self.planes.contains_key(id));
-        missing.map_or(Ok(()), |&id| Err(self.origin.missing(&self.name, id)))
+        self.origin.require(&self.name, needs, |id| self.planes.contains_key(&id))
     }
 }

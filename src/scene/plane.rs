@@ -204,11 +204,9 @@ impl Plane {
     /// If `pixels` does not hold exactly `layout.pixels()` values.
     pub fn new(layout: Layout, pixels: &[f32]) -> Self {
         assert_eq!(pixels.len(), layout.pixels(), "one value per pixel of the layout");
-        match pixels.split_first() {
-            None => Self::Constant(0.0),
-            // Adding zero turns -0 into +0.
-            Some((&first, rest)) if rest.iter().all(|&x| x == first) => Self::Constant(first + 0.0),
-            Some(_) => Self::Samples(Samples::new(layout, pixels, Edge::Replicate)),
+        match constant(pixels) {
+            Some(value) => Self::Constant(value),
+            None => Self::Samples(Samples::new(layout, pixels, Edge::Replicate)),
         }
     }
 
@@ -226,6 +224,15 @@ impl Plane {
             Self::Constant(_) => None,
             Self::Samples(samples) => Some(samples.row(y)),
         }
+    }
+}
+
+/// The one value of all pixels, if there is but one (-0 and +0 count as one); zero of none.
+pub(super) fn constant(pixels: &[f32]) -> Option<f32> {
+    match pixels.split_first() {
+        None => Some(0.0),
+        // Adding zero turns -0 into +0.
+        Some((&first, rest)) => rest.iter().all(|&x| x == first).then_some(first + 0.0),
     }
 }
 

@@ -1,17 +1,21 @@
 //! From raw features to the planes of a [`Scene`]: repair, bounds, scales, normalised
 //! values, what is derived from them, padding. In that order.
+//!
+//! Features are taken from wherever they are ([`Features`]) and planes given to whoever
+//! keeps them, so that scenes in memory and [spilled](super::SpilledScene) ones are made by
+//! the same steps.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::defect::{self, Tally};
 use super::facts::{Fact, Facts};
+use super::mend::{Findings, Mender};
 use super::normalize::{ColorScale, Normalization, depth_extent, exposure, geometry, hits};
 use super::note::Note;
 use super::plane::{Edge, Layout, Plane, Samples};
 use super::raw::RawScene;
-use super::repair::{self, Repair};
 use super::{LoadOptions, Needs, Scene, SceneError, derive};
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, PlaneId, Quantity, Unit};
@@ -35,267 +39,237 @@ impl RawScene {
         for components in self.features.values().flatten() {
             assert_eq!(components.len(), self.width * self.height, "one sample per pixel");
         }
-        self.drop_far_depths();
-        self.note_defects();
-        self.repair(options.repair)?;
-        self.bound();
+        let mender = Mender {
+            name: &self.name,
+            origin: &self.origin,
+            width: self.width,
+            repair: options.repair,
+        };
+        let mend = |(&(feature, quantity), components): (&_, &mut Vec<Vec<f32>>)| {
+            mender.mend(feature, quantity, components)
+        };
+        // The first error in the features' order, whichever was found first.
+        let findings: Vec<Result<Findings, SceneError>> =
+            self.features.par_iter_mut().map(mend).collect();
+        let findings = findings.into_iter().collect::<Result<_, _>>()?;
+        let mut notes = std::mem::take(&mut self.notes);
+        notes.extend(Findings::all(findings));
         let layout = Layout::new(self.width, self.height, pad);
-        let Some([r, g, b]) = self.components(Feature::Color, Quantity::Value) else {
-            return Err(self.origin.missing(
-                &self.name,
-                PlaneId { feature: Feature::Color, quantity: Quantity::Value, component: 0 },
-            ));
+        let color = self.features.get(&(Feature::Color, Quantity::Value)).map(Vec::as_slice);
+        let Some([r, g, b]) = color else {
+            return Err(self.origin.without_color(&self.name));
         };
         let summed = || {
             let color = [r, g, b].map(|channel| Samples::new(layout, channel, Edge::Zero));
             (color, Samples::new(layout, &vec![1.0; layout.pixels()], Edge::Zero))
         };
-        let ((color, ones), (scales, hit)) =
-            rayon::join(summed, || self.scales(options.color_scale));
-
-        let made: Vec<Made> = Feature::ALL
+        let ((color, ones), scales) =
+            rayon::join(summed, || Scales::of(&self, options.color_scale));
+        let scales = scales?;
+        let maker = Maker { features: &self, scales: &scales, layout };
+        let made = Feature::ALL
             .into_par_iter()
             .map(|feature| {
-                let maker = Maker { raw: &self, scales: &scales, hit: &hit, layout };
-                maker.planes(feature, needs)
+                let mut planes = Vec::new();
+                let estimated = maker.planes(feature, needs, &mut |id, samples| {
+                    let plane = Plane::new(layout, samples);
+                    planes.push((id, Fact::of(&plane), plane));
+                    Ok(())
+                })?;
+                Ok((planes, estimated))
             })
-            .collect();
+            .collect::<Result<Vec<_>, SceneError>>()?;
         let mut planes = BTreeMap::new();
         let mut facts = Vec::new();
-        let mut notes = self.notes;
-        for mut made in made {
-            planes.append(&mut made.planes);
-            facts.append(&mut made.facts);
-            notes.extend(made.estimated.map(Note::EstimatedVariance));
+        for (made, estimated) in made {
+            for (id, fact, plane) in made {
+                facts.push((id, fact));
+                planes.insert(id, plane);
+            }
+            notes.extend(estimated.map(Note::EstimatedVariance));
         }
         Ok(Scene {
             name: self.name,
             layout,
+            top: 0,
             color,
             ones,
             planes,
             facts: Facts::from_planes(facts),
-            normalization: scales,
+            normalization: scales.normalization,
             notes,
             origin: self.origin,
         })
     }
+}
 
-    fn components(&self, feature: Feature, quantity: Quantity) -> Option<&[Vec<f32>]> {
-        self.features.get(&(feature, quantity)).map(Vec::as_slice)
+/// Where features are that were mended.
+pub(super) trait Features: Sync {
+    /// The components of a quantity, row by row without padding; `None` if there is none.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    fn get(
+        &self,
+        feature: Feature,
+        quantity: Quantity,
+    ) -> Result<Option<Cow<'_, [Vec<f32>]>>, SceneError>;
+}
+
+impl Features for RawScene {
+    fn get(
+        &self,
+        feature: Feature,
+        quantity: Quantity,
+    ) -> Result<Option<Cow<'_, [Vec<f32>]>>, SceneError> {
+        Ok(self.features.get(&(feature, quantity)).map(|all| Cow::Borrowed(all.as_slice())))
     }
+}
 
-    /// Notes what is found but kept, before anything is changed.
-    fn note_defects(&mut self) {
-        let found: Vec<Vec<Note>> = self
-            .features
-            .par_iter()
-            .map(|(&(feature, quantity), components)| {
-                let mut notes = Vec::new();
-                for (k, samples) in components.iter().enumerate() {
-                    let channel = || self.origin.channel(feature, quantity, k);
-                    let note = |found: Tally| Note::Negative {
-                        channel: channel(),
-                        quantity,
-                        count: found.count,
-                    };
-                    notes.extend(defect::negative(samples, feature, quantity).map(note));
-                }
-                if quantity == Quantity::Value {
-                    let note = |found: Tally| Note::Fireflies { feature, count: found.count };
-                    notes.extend(defect::fireflies(components, self.width, feature).map(note));
-                }
-                notes
-            })
-            .collect();
-        self.notes.extend(found.into_iter().flatten());
-    }
+/// What planes are measured in.
+pub(super) struct Scales {
+    pub(super) normalization: Normalization,
+    /// Which pixels hit something; empty without positions.
+    hit: Vec<bool>,
+}
 
-    fn drop_far_depths(&mut self) {
-        let depth = self.features.get_mut(&(Feature::Depth, Quantity::Value));
-        let found = depth.into_iter().flatten().filter_map(|samples| defect::drop_far(samples));
-        let notes: Vec<Note> = found.map(|found| Note::FarDepth { count: found.count }).collect();
-        self.notes.extend(notes);
-    }
-
-    fn repair(&mut self, repair: Repair) -> Result<(), SceneError> {
-        let search = |components: &Vec<Vec<f32>>| -> Vec<_> {
-            components.par_iter().map(|samples| repair::find(samples)).collect()
-        };
-        let found: Vec<Vec<_>> = self.features.par_iter().map(|(_, all)| search(all)).collect();
-        for ((&(feature, quantity), components), found) in self.features.iter_mut().zip(found) {
-            for (k, (samples, bad)) in components.iter_mut().zip(found).enumerate() {
-                let Some(bad) = bad else { continue };
-                let channel = self.origin.channel(feature, quantity, k);
-                let count = bad.count;
-                match repair {
-                    Repair::Median => {
-                        repair::by_median(samples, self.width);
-                        self.notes.push(Note::Repaired { channel, count });
-                    }
-                    Repair::None => self.notes.push(Note::LeftBad { channel, count }),
-                    Repair::Error => {
-                        let path = match &self.origin.file {
-                            Some((header, _)) => header.path().to_owned(),
-                            None => self.name.clone().into(),
-                        };
-                        let first = (bad.first[0] % self.width, bad.first[0] / self.width);
-                        return Err(SceneError::BadPixels { path, channel, count, first });
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Brings features that have bounds into them: what is derived from them follows.
-    fn bound(&mut self) {
-        let pixels = self.width * self.height;
-        let found: Vec<Option<Note>> = self
-            .features
-            .par_iter_mut()
-            .map(|(&(feature, quantity), components)| {
-                let bounds = feature.row().bounds.filter(|_| quantity == Quantity::Value)?;
-                let mut marked = vec![false; pixels];
-                for samples in components {
-                    defect::bound(samples, bounds, &mut marked);
-                }
-                let count = marked.into_iter().filter(|&marked| marked).count();
-                (count > 0).then_some(Note::Bounded { feature, bounds, count })
-            })
-            .collect();
-        self.notes.extend(found.into_iter().flatten());
-    }
-
-    /// The scales, and which pixels hit something (empty without positions).
-    fn scales(&self, color_scale: ColorScale) -> (Normalization, Vec<bool>) {
-        let color = self.components(Feature::Color, Quantity::Value).unwrap_or_default();
-        let exposure = || match color {
-            [r, g, b] => exposure([r, g, b]),
+impl Scales {
+    pub(super) fn of(features: &dyn Features, color_scale: ColorScale) -> Result<Self, SceneError> {
+        let exposure = match features.get(Feature::Color, Quantity::Value)?.as_deref() {
+            Some([r, g, b]) => exposure([r, g, b]),
             _ => 1.0,
         };
-        let (exposure, (center, extent, hit)) = rayon::join(exposure, || self.geometry());
-        (Normalization { exposure, color_scale, center, extent }, hit)
-    }
-
-    /// Centre and extent, and which pixels hit something.
-    fn geometry(&self) -> (Option<[f32; 3]>, Option<f32>, Vec<bool>) {
-        let depth = self.components(Feature::Depth, Quantity::Value);
-        let (mut center, mut extent, mut hit) = (None, None, Vec::new());
-        if let Some(position) = self.components(Feature::WorldPosition, Quantity::Value) {
-            // Evidence that is zero everywhere is none.
-            let evidence = depth
-                .or(self.components(Feature::Normal, Quantity::Value))
-                .filter(|planes| planes.iter().flatten().any(|&x| x != 0.0));
-            hit = hits(evidence.unwrap_or(position));
-            let (c, e) = geometry(position, &hit);
-            (center, extent) = (Some(c), Some(e));
-        } else if let Some([depth]) = depth {
-            extent = Some(depth_extent(depth));
-        }
-        (center, extent, hit)
+        let (center, extent, hit) = visible(features)?;
+        Ok(Self { normalization: Normalization { exposure, color_scale, center, extent }, hit })
     }
 }
 
-/// The planes of one feature.
-#[derive(Default)]
-struct Made {
-    planes: BTreeMap<PlaneId, Plane>,
-    facts: Vec<(PlaneId, Fact)>,
-    estimated: Option<Feature>,
+/// Centre and extent, and which pixels hit something.
+type Visible = (Option<[f32; 3]>, Option<f32>, Vec<bool>);
+
+fn visible(features: &dyn Features) -> Result<Visible, SceneError> {
+    let value = |feature| features.get(feature, Quantity::Value);
+    let depth = value(Feature::Depth)?;
+    if let Some(position) = value(Feature::WorldPosition)? {
+        let evidence = match depth {
+            Some(depth) => Some(depth),
+            None => value(Feature::Normal)?,
+        };
+        // Evidence that is zero everywhere is none.
+        let evidence = evidence.filter(|planes| planes.iter().flatten().any(|&x| x != 0.0));
+        let hit = hits(evidence.as_deref().unwrap_or(&position));
+        drop(evidence);
+        let (center, extent) = geometry(&position, &hit);
+        return Ok((Some(center), Some(extent), hit));
+    }
+    let extent = match depth.as_deref() {
+        Some([depth]) => Some(depth_extent(depth)),
+        _ => None,
+    };
+    Ok((None, extent, Vec::new()))
 }
 
-struct Maker<'a> {
-    raw: &'a RawScene,
-    scales: &'a Normalization,
-    hit: &'a [bool],
-    layout: Layout,
+/// Makes planes.
+pub(super) struct Maker<'a> {
+    pub(super) features: &'a dyn Features,
+    pub(super) scales: &'a Scales,
+    pub(super) layout: Layout,
 }
+
+/// Takes a plane's samples, row by row without padding.
+type Keep<'a> = dyn FnMut(PlaneId, &[f32]) -> Result<(), SceneError> + 'a;
 
 impl Maker<'_> {
-    fn planes(&self, feature: Feature, needs: &Needs) -> Made {
+    /// Makes the planes of one feature. Returns it if its variance was estimated.
+    pub(super) fn planes(
+        &self,
+        feature: Feature,
+        needs: &Needs,
+        keep: &mut Keep<'_>,
+    ) -> Result<Option<Feature>, SceneError> {
         let [value, gradient, variance] = [Quantity::Value, Quantity::Gradient, Quantity::Variance]
             .map(|quantity| needs.wants(feature, quantity));
-        let mut made = Made::default();
         if !(value || gradient || variance) {
-            return made;
+            return Ok(None);
         }
-        let normalized = self.normalized(feature);
+        let normalized = self.normalized(feature)?;
         let mut add = |quantity, component: usize, samples: &[f32]| {
             let id = PlaneId { feature, quantity, component: component as u8 };
-            if needs.includes(id) {
-                let plane = Plane::new(self.layout, samples);
-                made.facts.push((id, Fact::of(&plane)));
-                made.planes.insert(id, plane);
-            }
+            if needs.includes(id) { keep(id, samples) } else { Ok(()) }
         };
         for (k, samples) in normalized.iter().flatten().enumerate() {
             if value {
-                add(Quantity::Value, k, samples);
+                add(Quantity::Value, k, samples)?;
             }
             if gradient {
                 let mut gradient = derive::gradient(samples, self.layout.width());
                 limit(&mut gradient);
-                add(Quantity::Gradient, k, &gradient);
+                add(Quantity::Gradient, k, &gradient)?;
             }
         }
-        if variance {
-            let stored = self.raw.components(feature, Quantity::Variance);
-            let samples = match (stored, &normalized) {
-                (Some(stored), _) => Some(self.stored_variance(feature, stored)),
-                (None, Some(normalized)) => {
-                    let mut estimate = derive::estimate_variance(normalized, self.layout.width());
-                    limit(&mut estimate);
-                    Some(estimate)
-                }
-                (None, None) => None,
-            };
-            if let Some(samples) = &samples {
-                add(Quantity::Variance, 0, samples);
-            }
-            made.estimated = (stored.is_none() && samples.is_some()).then_some(feature);
+        if !variance {
+            return Ok(None);
         }
-        made
+        let stored = self.features.get(feature, Quantity::Variance)?;
+        let samples = match (stored.as_deref(), &normalized) {
+            (Some(stored), _) => Some(self.stored_variance(feature, stored)?),
+            (None, Some(normalized)) => {
+                let mut estimate = derive::estimate_variance(normalized, self.layout.width());
+                limit(&mut estimate);
+                Some(estimate)
+            }
+            (None, None) => None,
+        };
+        if let Some(samples) = &samples {
+            add(Quantity::Variance, 0, samples)?;
+        }
+        Ok((stored.is_none() && samples.is_some()).then_some(feature))
     }
 
     /// The feature's components in the scene's own scales.
-    fn normalized(&self, feature: Feature) -> Option<Vec<Vec<f32>>> {
+    fn normalized(&self, feature: Feature) -> Result<Option<Vec<Vec<f32>>>, SceneError> {
         if feature == Feature::Pixel {
             let (width, height) = (self.layout.width(), self.layout.height());
-            return Some((0..2).map(|axis| derive::coordinates(width, height, axis)).collect());
+            let axis = |axis| derive::coordinates(width, height, axis);
+            return Ok(Some((0..2).map(axis).collect()));
         }
-        let raw = self.raw.components(feature, Quantity::Value)?;
+        let Some(raw) = self.features.get(feature, Quantity::Value)? else { return Ok(None) };
         let divisor = self.divisor(feature);
         let scale = |f: &dyn Fn(f32) -> f32, samples: &[f32]| -> Vec<f32> {
             samples.iter().map(|&x| f(x).clamp(-LIMIT, LIMIT)).collect()
         };
+        let Normalization { center, color_scale, .. } = self.scales.normalization;
         let components = raw.iter().enumerate().map(|(k, samples)| match feature.row().unit {
             Unit::Place => {
-                let center = self.scales.center.unwrap_or_default()[k.min(2)];
+                let center = center.unwrap_or_default()[k.min(2)];
                 let place = |(&x, &hit): (&f32, &bool)| {
                     if hit { ((x - center) / divisor).clamp(-LIMIT, LIMIT) } else { 0.0 }
                 };
-                samples.iter().zip(self.hit).map(place).collect()
+                samples.iter().zip(&self.scales.hit).map(place).collect()
             }
-            Unit::Light => scale(&|x| self.scales.color_scale.apply(x / divisor), samples),
+            Unit::Light => scale(&|x| color_scale.apply(x / divisor), samples),
             Unit::Length => scale(&|x| x / divisor, samples),
             Unit::Own => scale(&|x| x, samples),
         });
-        Some(components.collect())
+        Ok(Some(components.collect()))
     }
 
     /// What a feature's values are divided by.
     fn divisor(&self, feature: Feature) -> f32 {
         match feature.row().unit {
-            Unit::Place | Unit::Length => self.scales.extent.unwrap_or(1.0),
-            Unit::Light => self.scales.exposure,
+            Unit::Place | Unit::Length => self.scales.normalization.extent.unwrap_or(1.0),
+            Unit::Light => self.scales.normalization.exposure,
             Unit::Own => 1.0,
         }
     }
 
     /// The file's variance, averaged over the components, in the scales of the
     /// normalised feature. A negative one (rounding in the renderer) is none.
-    fn stored_variance(&self, feature: Feature, stored: &[Vec<f32>]) -> Vec<f32> {
+    fn stored_variance(
+        &self,
+        feature: Feature,
+        stored: &[Vec<f32>],
+    ) -> Result<Vec<f32>, SceneError> {
         let divisor = self.divisor(feature);
         let mut variance = derive::average(stored);
         for v in &mut variance {
@@ -303,16 +277,16 @@ impl Maker<'_> {
             *v = (*v / divisor / divisor).max(0.0);
         }
         if feature.row().unit == Unit::Light
-            && self.scales.color_scale == ColorScale::Compressed
-            && let Some(components) = self.raw.components(feature, Quantity::Value)
+            && self.scales.normalization.color_scale == ColorScale::Compressed
+            && let Some(components) = self.features.get(feature, Quantity::Value)?
         {
-            let color = derive::average(components);
+            let color = derive::average(&components);
             for (v, c) in variance.iter_mut().zip(color) {
-                *v *= self.scales.color_scale.slope_squared(c / divisor);
+                *v *= self.scales.normalization.color_scale.slope_squared(c / divisor);
             }
         }
         limit(&mut variance);
-        variance
+        Ok(variance)
     }
 }
 

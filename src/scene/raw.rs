@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::mapping::{Mapping, looked_for};
+use super::mapping::{Mapping, Source, looked_for};
 use super::needs::Needs;
 use super::note::Note;
 use super::{LoadOptions, SceneError};
@@ -64,30 +64,18 @@ impl RawScene {
     /// If the file cannot be read or has no colour. That a needed feature is
     /// missing is no error yet: see [`Scene::require`](super::Scene::require).
     pub fn read(path: &Path, needs: &Needs, options: &LoadOptions) -> Result<Self, SceneError> {
-        let header = Header::read(path)?;
-        let mapping = Mapping::of(&header);
-        mapping.color(&header)?;
-        let stored = needs.stored(&mapping, options.color_scale);
-
-        let sources: Vec<_> =
-            mapping.sources().filter(|&(f, q, _)| stored.contains(&(f, q))).collect();
-        let wanted: Vec<&str> = sources
-            .iter()
-            .flat_map(|(_, _, source)| &source.channels)
-            .map(String::as_str)
-            .collect();
+        let Request { header, mapping, sources } = Request::of(path, needs, options)?;
+        let wanted: Vec<&str> = Request::channels(&sources).collect();
         let mut pixels = read_channels(path, &wanted)?;
         let mut features = BTreeMap::new();
-        for (feature, quantity, source) in sources {
+        for (key, source) in &sources {
             let components = source.channels.iter().map(|name| {
                 let mut samples =
                     pixels.channels.remove(name).expect("a channel feeds one feature only");
-                if source.divisor != 1.0 {
-                    samples.iter_mut().for_each(|sample| *sample /= source.divisor);
-                }
+                source.divide(&mut samples);
                 samples
             });
-            features.insert((feature, quantity), components.collect::<Vec<_>>());
+            features.insert(*key, components.collect::<Vec<_>>());
         }
         Ok(Self {
             name: super::folder::scene_name(path),
@@ -100,8 +88,49 @@ impl RawScene {
     }
 }
 
+/// What is to be read of a file.
+pub(super) struct Request {
+    pub(super) header: Header,
+    pub(super) mapping: Mapping,
+    /// The quantities, and the channels that each comes from.
+    pub(super) sources: Vec<((Feature, Quantity), Source)>,
+}
+
+impl Request {
+    /// What `needs` come from.
+    pub(super) fn of(
+        path: &Path,
+        needs: &Needs,
+        options: &LoadOptions,
+    ) -> Result<Self, SceneError> {
+        let header = Header::read(path)?;
+        let mapping = Mapping::of(&header);
+        mapping.color(&header)?;
+        let stored = needs.stored(&mapping, options.color_scale);
+        let sources = mapping.sources().filter(|&(f, q, _)| stored.contains(&(f, q)));
+        let sources = sources.map(|(f, q, source)| ((f, q), source.clone())).collect();
+        Ok(Self { header, mapping, sources })
+    }
+
+    /// The channels' full names.
+    pub(super) fn channels(
+        sources: &[((Feature, Quantity), Source)],
+    ) -> impl Iterator<Item = &str> {
+        sources.iter().flat_map(|(_, source)| &source.channels).map(String::as_str)
+    }
+}
+
+impl Source {
+    /// Brings samples of the file into the unit of the feature.
+    pub(super) fn divide(&self, samples: &mut [f32]) {
+        if self.divisor != 1.0 {
+            samples.iter_mut().for_each(|sample| *sample /= self.divisor);
+        }
+    }
+}
+
 /// What the mapping has to say about what is needed.
-fn notes(mapping: &Mapping, needs: &Needs) -> Vec<Note> {
+pub(super) fn notes(mapping: &Mapping, needs: &Needs) -> Vec<Note> {
     let borrowed = mapping.sources().filter(|&(feature, quantity, source)| {
         source.convention != mapping.convention() && needs.wants(feature, quantity)
     });
@@ -138,6 +167,23 @@ impl Origin {
             None => own.get(component).map(|&name| name.to_owned()),
         }
         .unwrap_or_else(|| format!("{}[{component}]", feature.row().name))
+    }
+
+    /// The error for the first plane that is needed and not provided.
+    pub(super) fn require(
+        &self,
+        scene: &str,
+        needs: &Needs,
+        provides: impl Fn(PlaneId) -> bool,
+    ) -> Result<(), SceneError> {
+        let missing = needs.named().into_iter().flatten().find(|&&id| !provides(id));
+        missing.map_or(Ok(()), |&id| Err(self.missing(scene, id)))
+    }
+
+    /// The error for a scene that has no colour.
+    pub(super) fn without_color(&self, scene: &str) -> SceneError {
+        let (feature, quantity) = (Feature::Color, Quantity::Value);
+        self.missing(scene, PlaneId { feature, quantity, component: 0 })
     }
 
     /// The error for a plane that a filter reads and the file does not provide.

@@ -567,6 +567,7 @@ impl<E: Engine> Compiled<E> {
                 Grid::Half => match kernel.reads {
                     // The middle of two pixels, also where there is one.
                     Source::Feature(PlaneId { feature: Feature::Pixel, component, .. }) => {
+                        let y = strip.scene.top() / 2 + y;
                         for (x, pixel) in pixels.iter_mut().enumerate() {
                             *pixel = 2.0 * [x, y][usize::from(component)] as f32 + 0.5;
                         }

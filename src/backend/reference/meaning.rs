@@ -71,7 +71,7 @@ impl Images<'_> {
             (Grid::Full, Grid::Half) => match source {
                 // The middle of two pixels, also where there is one.
                 Source::Feature(PlaneId { feature: Feature::Pixel, component, .. }) => {
-                    2.0 * [x, y][usize::from(component)] as f64 + 0.5
+                    2.0 * [x, y + self.scene.top() as i64 / 2][usize::from(component)] as f64 + 0.5
                 }
                 Source::Feature(_) | Source::Stage(_) => {
                     let corners = [[0, 0], [1, 0], [0, 1], [1, 1]];
@@ -105,7 +105,7 @@ impl Images<'_> {
             }
             Source::Feature(plane) => match (plane.feature, plane.component) {
                 (Feature::Pixel, 0) => x as f64,
-                (Feature::Pixel, _) => y as f64,
+                (Feature::Pixel, _) => (self.scene.top() + y) as f64,
                 _ => match self.filter.resolve(plane, &self.facts) {
                     Some(Resolved::Plane(plane)) => {
                         f64::from(self.scene.plane(plane).expect("it is loaded").at(x, y))

@@ -6,12 +6,13 @@ use std::time::{Duration, Instant};
 use clap::ValueEnum;
 
 use super::contest::{Contestant, Course, Lap, Runner};
-use crate::backend::{Backend, Exact, Executable, Filtered, Rect};
+use crate::backend::{Backend, Exact, Filtered, Rect};
 use crate::cli::backend::{Lanes, Processor};
 use crate::cli::error::Error;
+use crate::denoise::Code;
 use crate::filter::Filter;
 use crate::image::Image;
-use crate::plan::{Passes, Plan, Precision};
+use crate::plan::{Passes, Precision};
 
 /// Which back ends take part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -111,10 +112,9 @@ pub(super) struct OnEngine {
     pub(super) filter: Filter,
 }
 
-struct Compiled<'a> {
-    filter: &'a Filter,
+struct Entered<'a> {
     course: &'a Course,
-    code: Box<dyn Executable>,
+    code: Code<'a>,
     compile: Duration,
     filtered: Filtered,
 }
@@ -123,41 +123,27 @@ impl Contestant for OnEngine {
     fn enter<'a>(&'a self, course: &'a Course) -> Result<Box<dyn Runner + 'a>, Error> {
         let checked = self.filter.check().expect("only filters that make sense get here");
         course.scene.require(&checked.required())?;
-        let name = || (course.scene.name().to_owned(), self.filter.name.clone());
         let start = Instant::now();
         let passes = Passes { precision: self.engine.precision, ..Passes::ALL };
-        let plan = Plan::of(&checked, &course.facts, passes).map_err(|source| {
-            let (scene, filter) = name();
-            Error::Plan { scene, filter, source }
-        })?;
-        let failed = |source| {
-            let (scene, filter) = name();
-            Error::Run { scene, filter, source }
-        };
-        let code = self.engine.backend.compile(&plan).map_err(failed)?;
+        let scene = (course.scene.name(), &course.facts);
+        let code = Code::new(&self.filter, scene, &*self.engine.backend, passes)?;
         if self.engine.lazy {
             let Rect { width, height, .. } = Rect::whole(&course.scene);
             let corner = Rect { x: 0, y: 0, width: width.min(8), height: height.min(8) };
-            code.run(&course.scene, &[corner]).map_err(failed)?;
+            code.run(&course.scene, corner)?;
         }
         let compile = start.elapsed();
-        let filtered = Filtered::default();
-        Ok(Box::new(Compiled { filter: &self.filter, course, code, compile, filtered }))
+        Ok(Box::new(Entered { course, code, compile, filtered: Filtered::default() }))
     }
 }
 
-impl Runner for Compiled<'_> {
+impl Runner for Entered<'_> {
     fn run(&mut self) -> Result<Lap, Error> {
         let scene = &self.course.scene;
         let start = Instant::now();
-        let filtered = self.code.run(scene, &[Rect::whole(scene)]);
+        let filtered = self.code.run(scene, Rect::whole(scene));
         let time = start.elapsed();
-        let filtered = filtered.map_err(|source| Error::Run {
-            scene: scene.name().to_owned(),
-            filter: self.filter.name.clone(),
-            source,
-        })?;
-        self.filtered = filtered.into_iter().next().expect("one result for one weight");
+        self.filtered = filtered?;
         Ok(Lap { time, process: None })
     }
 

@@ -25,7 +25,6 @@ use super::apply::{needs, reach};
 use super::backend::{Lanes, Tier, tiers};
 use super::error::Error;
 use super::log::Log;
-use super::resolve::resized;
 use super::scenes;
 use super::score::filters;
 use crate::filter::{Filter, Window};
@@ -177,7 +176,7 @@ impl Bench {
             // The windows of a program have radii of their own.
             let sizes: Result<Vec<Filter>, Error> = match own.paper() {
                 None => Ok(Vec::new()),
-                Some(_) => radii.iter().map(|&r| resized(own.clone(), Some(r))).collect(),
+                Some(_) => radii.iter().map(|&r| Ok(own.clone().resized(r)?)).collect(),
             };
             let mut sizes = sizes?;
             if self.radii.is_empty() || sizes.is_empty() {

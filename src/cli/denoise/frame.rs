@@ -5,50 +5,27 @@ use std::time::{Duration, Instant};
 use super::files::Frame;
 use super::form::Form;
 use super::timings::Timings;
-use crate::backend::Backend;
-use crate::cli::apply::{Applied, apply, needs, reach};
+use crate::cli::apply::reach;
 use crate::cli::error::Error;
-use crate::cli::resolve::resized;
-use crate::expr::Feature;
-use crate::filter::Filter;
-use crate::filter::shipped::{self, Choice};
-use crate::image::exr::Header;
-use crate::plan::Passes;
+use crate::denoise::{self, Applied, Denoised, Denoiser};
 use crate::report::number;
-use crate::scene::mapping::Mapping;
-use crate::scene::{ColorScale, LoadOptions, Note, Scene};
 
 /// What is done to every frame.
 pub(super) struct Job<'a> {
-    /// What was asked for; if nothing was, each frame gets what its file can feed.
-    pub(super) filter: Option<&'a Filter>,
-    pub(super) radius: Option<u32>,
-    pub(super) backend: &'a dyn Backend,
-    pub(super) passes: Passes,
-    pub(super) options: LoadOptions,
+    pub(super) denoiser: Denoiser<'a>,
     pub(super) form: Form,
 }
 
 /// A frame that was read.
 pub(super) struct Loaded {
-    scene: Scene,
-    chosen: Chosen,
+    frame: denoise::Frame,
     loading: Duration,
-}
-
-/// The filter of a frame.
-struct Chosen {
-    filter: Filter,
-    /// Why it is not the best there is, if it is not.
-    why: Option<String>,
 }
 
 /// A frame that was filtered. Of the scene, which is many times larger than the
 /// result, it keeps what is to be said.
 pub(super) struct Filtered {
-    applied: Applied,
-    chosen: Chosen,
-    notes: Vec<Note>,
+    denoised: Denoised,
     loading: Duration,
 }
 
@@ -62,55 +39,23 @@ pub(super) struct Written {
 impl Job<'_> {
     pub(super) fn load(&self, frame: &Frame) -> Result<Loaded, Error> {
         let start = Instant::now();
-        let chosen = self.choose(frame)?;
-        let (needs, reach) = (needs(&chosen.filter), reach(&chosen.filter));
-        let scene = Scene::load(&frame.input, &needs, reach, &self.options)?;
-        Ok(Loaded { scene, chosen, loading: start.elapsed() })
-    }
-
-    fn choose(&self, frame: &Frame) -> Result<Chosen, Error> {
-        if let Some(filter) = self.filter {
-            return Ok(Chosen { filter: filter.clone(), why: None });
-        }
-        let mapping = Mapping::of(&Header::read(&frame.input)?);
-        // The windows of a program have radii of their own, and its colours are linear.
-        let programs = self.radius.is_none() && self.options.color_scale == ColorScale::Linear;
-        let may = |filter: &Filter| match filter.paper() {
-            Some(_) => true,
-            None => programs && self.backend.supports(filter).is_ok(),
-        };
-        let Choice { filter, best, lacking } =
-            shipped::choose(may, |plane| mapping.provides(plane));
-        let filter = resized(filter, self.radius)?;
-        let without = filter.does_without(|plane| mapping.provides(plane));
-        let titles = |features: &[Feature]| {
-            let titles: Vec<&str> = features.iter().map(|feature| feature.row().title).collect();
-            titles.join(", no ")
-        };
-        let (name, lacking, without) = (&filter.name, titles(&lacking), titles(&without));
-        let why = match (lacking.is_empty(), without.is_empty()) {
-            (true, true) => None,
-            (true, false) => Some(format!("no {without} in the file: `{name}` does without")),
-            (false, _) => {
-                Some(format!("no {lacking} in the file: using `{name}` instead of `{best}`"))
-            }
-        };
-        Ok(Chosen { filter, why })
+        let frame = self.denoiser.load(&frame.input)?;
+        Ok(Loaded { frame, loading: start.elapsed() })
     }
 
     pub(super) fn filter(&self, loaded: Loaded) -> Result<Filtered, Error> {
-        let Loaded { scene, chosen, loading } = loaded;
-        let applied = apply(&chosen.filter, &scene, self.backend, self.passes)?;
-        Ok(Filtered { applied, chosen, notes: scene.notes().to_vec(), loading })
+        let denoised = self.denoiser.filter(loaded.frame)?;
+        Ok(Filtered { denoised, loading: loaded.loading })
     }
 
     pub(super) fn write(&self, frame: &Frame, filtered: Filtered) -> Result<Written, Error> {
         let start = Instant::now();
-        self.form.save(&filtered.applied.image, &frame.output)?;
+        let Denoised { image, chosen, applied, .. } = &filtered.denoised;
+        self.form.save(image, &frame.output)?;
         let write = start.elapsed();
-        let Applied { planning, compilation, filtering, .. } = filtered.applied;
-        let (width, height) = filtered.applied.image.size();
-        let taps: usize = filtered.chosen.filter.gathers().map(|gather| gather.window.taps()).sum();
+        let Applied { planning, compilation, filtering, .. } = *applied;
+        let (width, height) = image.size();
+        let taps: usize = chosen.filter.gathers().map(|gather| gather.window.taps()).sum();
         let timings = Timings {
             load: filtered.loading,
             plan: planning,
@@ -119,12 +64,11 @@ impl Job<'_> {
             write,
             pairs: width * height * taps,
         };
-        Ok(Written { remarks: self.remarks(frame, &filtered), timings })
+        Ok(Written { remarks: self.remarks(frame, &filtered.denoised), timings })
     }
 
-    fn remarks(&self, frame: &Frame, filtered: &Filtered) -> Vec<String> {
-        let Filtered { applied: Applied { image, kept, filtering, .. }, chosen, notes, .. } =
-            filtered;
+    fn remarks(&self, frame: &Frame, denoised: &Denoised) -> Vec<String> {
+        let Denoised { image, applied: Applied { kept, filtering, .. }, chosen, notes } = denoised;
         let (input, output) = (frame.input.display(), frame.output.display());
         let (width, height) = image.size();
         let why = chosen.why.iter().map(|why| format!("{input}: {why}"));
@@ -142,7 +86,7 @@ impl Job<'_> {
             "{output}: {width}x{height} pixels, filter `{}`, radius {}, {}, {}",
             chosen.filter.name,
             reach(&chosen.filter),
-            self.backend.name(),
+            self.denoiser.backend().name(),
             number::duration(*filtering),
         ));
         remarks

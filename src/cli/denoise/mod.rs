@@ -18,6 +18,7 @@ use super::error::Error;
 use super::log::Log;
 use super::options::Running;
 use super::resolve::resolve;
+use crate::denoise::{Denoiser, Options};
 use files::Files;
 use form::Form;
 use frame::Job;
@@ -80,14 +81,16 @@ impl Denoise {
         let radius = self.running.radius;
         let filter = self.filter.as_ref().map(|text| resolve(text, radius)).transpose()?;
         let Opened { backend, frames } = self.running.backend.open(log)?;
-        let job = Job {
-            filter: filter.as_ref(),
+        // One frame is read and one written while others are filtered.
+        let flying = files.len().min(frames.get() + 2) as u64;
+        let options = Options {
+            filter,
             radius,
-            backend: &*backend,
             passes: self.running.passes(),
-            options: self.running.load_options(),
-            form: files.form(),
+            load: self.running.load_options(),
+            max_memory: Some(self.running.backend.memory_for_scenes() / flying),
         };
+        let job = Job { denoiser: Denoiser::new(&*backend, options), form: files.form() };
 
         let start = started.elapsed();
         let several = files.len() > 1;

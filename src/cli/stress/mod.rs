@@ -12,6 +12,7 @@ use super::error::Error;
 use super::log::Log;
 use super::resolve::resolve;
 use super::{Report, apply, scenes};
+use crate::denoise::DenoiseError;
 use crate::filter::{Filter, Gather, Window};
 use crate::image::write_atomically;
 use crate::report::score::json;
@@ -134,7 +135,7 @@ fn failure(filter: &Filter, error: StressError) -> Error {
     let filter = filter.name.clone();
     match error {
         StressError::Scene(error) => error.into(),
-        StressError::Plan { scene, source } => Error::Plan { scene, filter, source },
-        StressError::Run { scene, source } => Error::Run { scene, filter, source },
+        StressError::Plan { scene, source } => DenoiseError::Plan { scene, filter, source }.into(),
+        StressError::Run { scene, source } => DenoiseError::Run { scene, filter, source }.into(),
     }
 }

@@ -22,8 +22,10 @@ use super::guard::guarded;
 use super::header::{Attributes, Header, SampleKind, open};
 use crate::image::ImageError;
 
-/// Chunks in flight at a time.
+/// Chunks in flight at a time, at most, and what they may take when they are decompressed:
+/// as much as keeps all threads busy, and little beside an image that is large.
 const BATCH: usize = 256;
+const BATCH_BYTES: usize = 64 << 20;
 /// No compression of OpenEXR shrinks pixels by more than this factor; a file
 /// that claims more lies about its size. (Deflate reaches 1030:1; DWA applies
 /// it to one coefficient of 64.)
@@ -42,6 +44,35 @@ pub struct Pixels {
     pub attributes: Attributes,
 }
 
+/// Where decoded samples go.
+pub trait Sink {
+    /// So many channels of this size are about to come.
+    ///
+    /// # Errors
+    /// If there is no room for them.
+    fn begin(&mut self, channels: usize, size: (usize, usize)) -> Result<(), ImageError>;
+
+    /// A part of a row of a channel, which begins at this pixel of the image, counted row by
+    /// row.
+    ///
+    /// # Errors
+    /// If it cannot be kept.
+    fn line(&mut self, channel: usize, start: usize, samples: &[f32]) -> Result<(), ImageError>;
+}
+
+/// What was decoded, beside the samples.
+#[derive(Clone, Debug)]
+pub struct Decoded {
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// The full names of the channels, in the order in which the sink counts them.
+    pub names: Vec<String>,
+    /// What the first wanted channel's part says beside its pixels.
+    pub attributes: Attributes,
+}
+
 /// Decodes the channels with the given full names, and no others.
 ///
 /// # Errors
@@ -51,13 +82,32 @@ pub struct Pixels {
 /// # Panics
 /// If `wanted` is empty.
 pub fn read_channels<S: AsRef<str>>(path: &Path, wanted: &[S]) -> Result<Pixels, ImageError> {
+    let mut memory = Memory { path, planes: Vec::new() };
+    let Decoded { width, height, names, attributes } = decode_channels(path, wanted, &mut memory)?;
+    let channels = names.into_iter().zip(memory.planes).collect();
+    Ok(Pixels { width, height, channels, attributes })
+}
+
+/// The same, given away line by line as it is decoded.
+///
+/// # Errors
+/// Those of [`read_channels`], and the sink's.
+///
+/// # Panics
+/// If `wanted` is empty.
+pub fn decode_channels<S: AsRef<str>>(
+    path: &Path,
+    wanted: &[S],
+    sink: &mut dyn Sink,
+) -> Result<Decoded, ImageError> {
     let reader = open(path)?;
     let header = Header::of(path, reader.headers());
     let places = locate(&header, wanted)?;
     let first = places.first().expect("callers want at least the colour").part;
     let attributes = Attributes::of(&reader.headers()[first]);
     let (width, height) = header.parts()[first].size;
-    let mut planes = allocate(path, places.len(), width * height)?;
+    check_size(path, places.len(), width * height)?;
+    sink.begin(places.len(), (width, height))?;
 
     let live: HashSet<usize> = places.iter().map(|place| place.part).collect();
     let mut chunks = guarded(path, || {
@@ -66,9 +116,12 @@ pub fn read_channels<S: AsRef<str>>(path: &Path, wanted: &[S]) -> Result<Pixels,
         })
     })?;
     let meta = exr::block::reader::ChunksReader::meta_data(&chunks).clone();
+    let largest = live.iter().map(|&part| meta.headers[part].max_block_byte_size()).max();
+    let most = (BATCH_BYTES / largest.unwrap_or(1).max(1)).min(BATCH);
+    let most = most.max(rayon::current_num_threads());
     let mut seen = HashSet::new();
     loop {
-        let batch = guarded(path, || chunks.by_ref().take(BATCH).collect::<Result<Vec<_>, _>>())?;
+        let batch = guarded(path, || chunks.by_ref().take(most).collect::<Result<Vec<_>, _>>())?;
         if batch.is_empty() {
             break;
         }
@@ -78,7 +131,7 @@ pub fn read_channels<S: AsRef<str>>(path: &Path, wanted: &[S]) -> Result<Pixels,
             .collect::<Result<_, _>>()?;
         for band in bands {
             seen.insert((band.part, band.x, band.y));
-            band.scatter(width, &mut planes);
+            band.scatter(width, sink)?;
         }
     }
     // The offset table names each block once; a chunk that says it is another
@@ -90,8 +143,38 @@ pub fn read_channels<S: AsRef<str>>(path: &Path, wanted: &[S]) -> Result<Pixels,
             detail: format!("{} of {expected} chunks are present", seen.len()),
         });
     }
-    let names = places.into_iter().map(|place| place.name);
-    Ok(Pixels { width, height, channels: names.zip(planes).collect(), attributes })
+    let names = places.into_iter().map(|place| place.name).collect();
+    Ok(Decoded { width, height, names, attributes })
+}
+
+/// Samples kept in memory.
+struct Memory<'a> {
+    path: &'a Path,
+    planes: Vec<Vec<f32>>,
+}
+
+impl Sink for Memory<'_> {
+    fn begin(&mut self, channels: usize, size: (usize, usize)) -> Result<(), ImageError> {
+        let pixels = size.0 * size.1;
+        for _ in 0..channels {
+            let mut plane = Vec::new();
+            if plane.try_reserve_exact(pixels).is_err() {
+                return Err(ImageError::Unsupported {
+                    path: self.path.to_owned(),
+                    what: format!("{channels} channels of {pixels} pixels do not fit in memory"),
+                    advice: "cut it into smaller images",
+                });
+            }
+            plane.resize(pixels, 0.0);
+            self.planes.push(plane);
+        }
+        Ok(())
+    }
+
+    fn line(&mut self, channel: usize, start: usize, samples: &[f32]) -> Result<(), ImageError> {
+        self.planes[channel][start..start + samples.len()].copy_from_slice(samples);
+        Ok(())
+    }
 }
 
 /// A wanted channel's place in the file.
@@ -133,9 +216,8 @@ fn locate<S: AsRef<str>>(header: &Header, wanted: &[S]) -> Result<Vec<Place>, Im
     Ok(places)
 }
 
-/// Room for the result, refused as an error where a lying header asks for more
-/// than the file can hold or the machine has.
-fn allocate(path: &Path, channels: usize, pixels: usize) -> Result<Vec<Vec<f32>>, ImageError> {
+/// Refuses a lying header that asks for more than the file can hold.
+fn check_size(path: &Path, channels: usize, pixels: usize) -> Result<(), ImageError> {
     let bytes = (pixels as u64) * 2 * (channels as u64);
     let length = std::fs::metadata(path).map(|file| file.len()).unwrap_or(0);
     if bytes > length.saturating_mul(MAX_RATIO) {
@@ -144,20 +226,7 @@ fn allocate(path: &Path, channels: usize, pixels: usize) -> Result<Vec<Vec<f32>>
             detail: format!("{length} bytes cannot hold {channels} channels of {pixels} pixels"),
         });
     }
-    let mut planes = Vec::with_capacity(channels);
-    for _ in 0..channels {
-        let mut plane = Vec::new();
-        if plane.try_reserve_exact(pixels).is_err() {
-            return Err(ImageError::Unsupported {
-                path: path.to_owned(),
-                what: format!("{channels} channels of {pixels} pixels do not fit in memory"),
-                advice: "cut it into smaller images",
-            });
-        }
-        plane.resize(pixels, 0.0);
-        planes.push(plane);
-    }
-    Ok(planes)
+    Ok(())
 }
 
 /// Full-resolution blocks of the parts that are read.
@@ -179,13 +248,13 @@ struct Band {
 }
 
 impl Band {
-    fn scatter(self, stride: usize, result: &mut [Vec<f32>]) {
+    fn scatter(self, stride: usize, sink: &mut dyn Sink) -> Result<(), ImageError> {
         for (slot, samples) in &self.planes {
             for (row, line) in samples.chunks_exact(self.width).enumerate() {
-                let start = (self.y + row) * stride + self.x;
-                result[*slot][start..start + self.width].copy_from_slice(line);
+                sink.line(*slot, (self.y + row) * stride + self.x, line)?;
             }
         }
+        Ok(())
     }
 }
 

@@ -180,7 +180,7 @@ impl Header {
 
     /// Part and position in that part of the channel with this full name; of
     /// several, the first.
-    pub(super) fn find(&self, name: &str) -> Option<(usize, usize)> {
+    pub fn find(&self, name: &str) -> Option<(usize, usize)> {
         self.parts.iter().enumerate().find_map(|(p, part)| {
             part.channels.iter().position(|channel| channel.name == name).map(|c| (p, c))
         })

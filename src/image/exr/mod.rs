@@ -24,6 +24,6 @@ mod header;
 mod tests;
 mod write;
 
-pub use decode::{Pixels, read_channels};
+pub use decode::{Decoded, Pixels, Sink, decode_channels, read_channels};
 pub use header::{Attributes, Channel, Header, Part, SampleKind};
 pub use write::write_rgb;

@@ -1,6 +1,5 @@
 //! RGB images out.
 
-use std::io::Cursor;
 use std::path::Path;
 
 use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
@@ -12,7 +11,7 @@ use exr::prelude::{Compression, SmallVec, WritableImage};
 use super::guard::guarded;
 use super::header::Attributes;
 use crate::image::ImageError;
-use crate::image::output::write_atomically;
+use crate::image::output::write_through;
 
 /// Writes an RGB image (float, ZIP, scan lines), taking along what `attributes`
 /// of the source image still says truly of it. The file appears complete or not
@@ -53,7 +52,10 @@ pub fn write_rgb(
     let mut image = Image::from_layer(layer);
     image.attributes = shared;
 
-    let mut bytes = Cursor::new(Vec::new());
-    guarded(path, || image.write().to_buffered(&mut bytes))?;
-    write_atomically(path, bytes.get_ref())
+    write_through(path, |file| {
+        guarded(path, || image.write().to_buffered(file)).map_err(|error| match error {
+            ImageError::Io { path, source, .. } => ImageError::Io { path, action: "write", source },
+            other => other,
+        })
+    })
 }

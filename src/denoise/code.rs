@@ -1,0 +1,106 @@
+//! Filters as code, and scenes in memory.
+
+use std::time::{Duration, Instant};
+
+use super::DenoiseError;
+use crate::backend::{Backend, Executable, Filtered, Rect};
+use crate::filter::Filter;
+use crate::image::Image;
+use crate::plan::{Passes, Plan};
+use crate::scene::{Facts, Scene};
+
+/// A filter, planned and compiled for scenes of which some facts hold.
+pub struct Code<'a> {
+    filter: &'a Filter,
+    plan: Plan,
+    code: Box<dyn Executable>,
+    /// How long planning took.
+    pub planning: Duration,
+    /// How long compilation took.
+    pub compilation: Duration,
+}
+
+/// What there is to say of a filtered image.
+#[derive(Clone, Copy, Debug)]
+pub struct Applied {
+    /// Pixels that kept their noisy colour.
+    pub kept: usize,
+    /// How long planning took.
+    pub planning: Duration,
+    /// How long compilation took.
+    pub compilation: Duration,
+    /// How long filtering took.
+    pub filtering: Duration,
+}
+
+impl<'a> Code<'a> {
+    /// Plans and compiles a filter. `scene` is what errors call what it is made for.
+    ///
+    /// # Errors
+    /// If it cannot be planned, or the back end fails.
+    pub fn new(
+        filter: &'a Filter,
+        (scene, facts): (&str, &Facts),
+        backend: &dyn Backend,
+        passes: Passes,
+    ) -> Result<Self, DenoiseError> {
+        let checked = filter.check().expect("only filters that make sense get here");
+        let start = Instant::now();
+        let plan = Plan::of(&checked, facts, passes).map_err(|source| DenoiseError::Plan {
+            scene: scene.to_owned(),
+            filter: filter.name.clone(),
+            source,
+        })?;
+        let planning = start.elapsed();
+        let start = Instant::now();
+        let code = backend.compile(&plan).map_err(|source| DenoiseError::Run {
+            scene: scene.to_owned(),
+            filter: filter.name.clone(),
+            source,
+        })?;
+        Ok(Self { filter, plan, code, planning, compilation: start.elapsed() })
+    }
+
+    /// The plan.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Filters a rectangle of a scene.
+    ///
+    /// # Errors
+    /// If the back end fails.
+    pub fn run(&self, scene: &Scene, rect: Rect) -> Result<Filtered, DenoiseError> {
+        let filtered = self.code.run(scene, &[rect]).map_err(|source| DenoiseError::Run {
+            scene: scene.name().to_owned(),
+            filter: self.filter.name.clone(),
+            source,
+        })?;
+        Ok(filtered.into_iter().next().expect("one result for one filter"))
+    }
+}
+
+/// Filters a scene that was loaded with what the filter needs.
+///
+/// # Errors
+/// If the scene lacks something, the filter cannot be planned, or the back end fails.
+pub fn apply(
+    filter: &Filter,
+    scene: &Scene,
+    backend: &dyn Backend,
+    passes: Passes,
+) -> Result<(Image, Applied), DenoiseError> {
+    let checked = filter.check().expect("only filters that make sense get here");
+    scene.require(&checked.required())?;
+    let code = Code::new(filter, (scene.name(), &Facts::of(scene)), backend, passes)?;
+    let start = Instant::now();
+    let whole = Rect::whole(scene);
+    let Filtered { pixels, kept } = code.run(scene, whole)?;
+    let filtering = start.elapsed();
+    let rgb = [0, 1, 2].map(|channel| pixels.iter().map(|c| c[channel]).collect());
+    let image = Image::new(scene.name(), whole.width, whole.height, rgb)
+        .expect("one colour per pixel of the rectangle")
+        .with_attributes(scene.attributes());
+    let Code { planning, compilation, .. } = code;
+    Ok((image, Applied { kept, planning, compilation, filtering }))
+}

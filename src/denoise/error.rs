@@ -1,0 +1,53 @@
+//! What can go wrong when an image is denoised.
+
+use std::path::PathBuf;
+
+use crate::backend::BackendError;
+use crate::filter::ResizeError;
+use crate::plan::PlanError;
+use crate::scene::SceneError;
+
+/// Why an image could not be denoised.
+#[derive(Debug, thiserror::Error)]
+pub enum DenoiseError {
+    /// The file cannot be read, or lacks what the filter needs.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The filter has no such radius.
+    #[error(transparent)]
+    Radius(#[from] ResizeError),
+    /// The filter cannot be planned.
+    #[error("{scene}: filter `{filter}` cannot be applied: {source}")]
+    Plan {
+        /// The scene.
+        scene: String,
+        /// The filter.
+        filter: String,
+        /// Why.
+        source: PlanError,
+    },
+    /// The back end failed.
+    #[error("{scene}: filter `{filter}` could not run: {source}")]
+    Run {
+        /// The scene.
+        scene: String,
+        /// The filter.
+        filter: String,
+        /// Why.
+        source: BackendError,
+    },
+    /// The image needs more memory than there may be used.
+    #[error(
+        "{path}: filtering it takes {} MiB of memory at least, and {} MiB may be used; allow \
+         more, or cut the image into smaller ones",
+        least.div_ceil(1 << 20), max_memory >> 20, path = path.display()
+    )]
+    TooLittleMemory {
+        /// The file.
+        path: PathBuf,
+        /// What may be used, in bytes.
+        max_memory: u64,
+        /// What is needed, in bytes.
+        least: u64,
+    },
+}

@@ -1,0 +1,153 @@
+//! Floor 6: filters applied to images, as `tamis denoise` does.
+//!
+//! A [`Denoiser`] reads a file, filters it with what was asked for or with the best shipped
+//! filter that the file can feed, and gives an image back. [`Code`] is a filter that is
+//! ready to run on scenes that are in memory already.
+//!
+//! ```no_run
+//! use tamis::backend::Interpreter;
+//! use tamis::denoise::{Denoiser, Options};
+//!
+//! let denoised = Denoiser::new(&Interpreter, Options::default()).denoise("noisy.exr".as_ref())?;
+//! denoised.image.save("clean.exr".as_ref())?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Images that do not fit in memory are [spilled](crate::scene::SpilledScene) and filtered
+//! part by part, to the same bits.
+
+mod choice;
+mod code;
+mod error;
+mod parts;
+
+use std::path::Path;
+
+use crate::backend::Backend;
+use crate::filter::Filter;
+use crate::image::Image;
+use crate::plan::Passes;
+use crate::scene::{LoadOptions, Note, Scene, SpilledScene, Weight};
+
+pub use choice::{Chosen, Why};
+pub use code::{Applied, Code, apply};
+pub use error::DenoiseError;
+
+/// How images are denoised.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// With what. If nothing is said, with the best shipped filter that each file can feed.
+    pub filter: Option<Filter>,
+    /// With which radius, if a filter is chosen, in pixels.
+    pub radius: Option<u32>,
+    /// How plans are made.
+    pub passes: Passes,
+    /// How scenes are loaded.
+    pub load: LoadOptions,
+    /// Memory for a frame, in bytes; if nothing is said, as much as it takes.
+    pub max_memory: Option<u64>,
+}
+
+/// Denoises images.
+pub struct Denoiser<'a> {
+    backend: &'a dyn Backend,
+    options: Options,
+}
+
+/// A frame that was read.
+pub struct Frame {
+    pixels: Pixels,
+    /// What it will be filtered with.
+    pub chosen: Chosen,
+}
+
+enum Pixels {
+    InMemory(Box<Scene>),
+    Spilled(Box<SpilledScene>),
+}
+
+/// A frame that was filtered.
+#[derive(Debug)]
+pub struct Denoised {
+    /// The result.
+    pub image: Image,
+    /// What it was filtered with.
+    pub chosen: Chosen,
+    /// What was done to the scene on the way in.
+    pub notes: Vec<Note>,
+    /// What else there is to say.
+    pub applied: Applied,
+}
+
+impl<'a> Denoiser<'a> {
+    /// One that filters on this back end.
+    pub fn new(backend: &'a dyn Backend, options: Options) -> Self {
+        Self { backend, options }
+    }
+
+    /// What runs the filters.
+    pub fn backend(&self) -> &'a dyn Backend {
+        self.backend
+    }
+
+    /// Reads a file, and denoises it.
+    ///
+    /// # Errors
+    /// If the file cannot be read or lacks what the filter needs, or the back end fails.
+    pub fn denoise(&self, path: &Path) -> Result<Denoised, DenoiseError> {
+        self.filter(self.load(path)?)
+    }
+
+    /// Reads a file, with what its filter needs.
+    ///
+    /// # Errors
+    /// If it cannot be read, or not within the memory that there is.
+    pub fn load(&self, path: &Path) -> Result<Frame, DenoiseError> {
+        let chosen = self.choose(path)?;
+        let checked = chosen.filter.check().expect("only filters that make sense are chosen");
+        let (needs, reach) = (checked.needs(), checked.reach());
+        let load = &self.options.load;
+        let spilled = match self.options.max_memory {
+            None => false,
+            Some(max_memory) => {
+                let Weight { in_memory, least } = Weight::of(path, &needs, load)?;
+                if least > max_memory {
+                    let path = path.to_owned();
+                    return Err(DenoiseError::TooLittleMemory { path, max_memory, least });
+                }
+                in_memory > max_memory
+            }
+        };
+        let pixels = match spilled {
+            false => Pixels::InMemory(Box::new(Scene::load(path, &needs, reach, load)?)),
+            true => Pixels::Spilled(Box::new(SpilledScene::load(path, &needs, reach, load)?)),
+        };
+        Ok(Frame { pixels, chosen })
+    }
+
+    /// Filters a frame.
+    ///
+    /// # Errors
+    /// If it lacks what its filter needs, or the back end fails.
+    pub fn filter(&self, frame: Frame) -> Result<Denoised, DenoiseError> {
+        let Frame { pixels, chosen } = frame;
+        let filter = &chosen.filter;
+        let (image, applied, notes) = match pixels {
+            Pixels::InMemory(scene) => {
+                let (image, applied) = apply(filter, &scene, self.backend, self.options.passes)?;
+                (image, applied, scene.notes().to_vec())
+            }
+            Pixels::Spilled(scene) => {
+                let max_memory = self.options.max_memory.unwrap_or(u64::MAX);
+                let passes = self.options.passes;
+                let (image, applied) =
+                    parts::apply(filter, &scene, self.backend, passes, max_memory)?;
+                (image, applied, scene.notes().to_vec())
+            }
+        };
+        Ok(Denoised { image, chosen, notes, applied })
+    }
+}
+
+#[cfg(test)]
+mod tests;

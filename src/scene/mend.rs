@@ -1,0 +1,133 @@
+//! What becomes of features that are wrong before anything is made of them: far depths,
+//! bad pixels, what is out of bounds.
+
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+
+use super::SceneError;
+use super::defect::{self, Tally};
+use super::note::Note;
+use super::raw::Origin;
+use super::repair::{self, Repair};
+use crate::expr::feature::{Feature, Quantity};
+
+/// Mends the features of a scene.
+pub(super) struct Mender<'a> {
+    /// What reports call the scene.
+    pub(super) name: &'a str,
+    pub(super) origin: &'a Origin,
+    /// Pixels per row.
+    pub(super) width: usize,
+    pub(super) repair: Repair,
+}
+
+/// What was found in a quantity, by kind, in the order in which it is told.
+#[derive(Default)]
+pub(super) struct Findings {
+    kinds: [Vec<Note>; 4],
+}
+
+impl Findings {
+    const FAR: usize = 0;
+    const FOUND: usize = 1;
+    const REPAIRED: usize = 2;
+    const BOUNDED: usize = 3;
+
+    /// Those of all quantities, kind by kind.
+    pub(super) fn all(each: Vec<Self>) -> Vec<Note> {
+        let mut kinds: [Vec<Note>; 4] = Default::default();
+        for findings in each {
+            for (all, notes) in kinds.iter_mut().zip(findings.kinds) {
+                all.extend(notes);
+            }
+        }
+        kinds.into_iter().flatten().collect()
+    }
+}
+
+impl Mender<'_> {
+    /// Mends the components of a quantity.
+    ///
+    /// # Errors
+    /// If there are bad pixels and they are to be refused.
+    pub(super) fn mend(
+        &self,
+        feature: Feature,
+        quantity: Quantity,
+        components: &mut [Vec<f32>],
+    ) -> Result<Findings, SceneError> {
+        let mut findings = Findings::default();
+        if (feature, quantity) == (Feature::Depth, Quantity::Value) {
+            let found = components.iter_mut().filter_map(|samples| defect::drop_far(samples));
+            let notes = found.map(|found| Note::FarDepth { count: found.count });
+            findings.kinds[Findings::FAR].extend(notes);
+        }
+        findings.kinds[Findings::FOUND] = self.kept(feature, quantity, components);
+        findings.kinds[Findings::REPAIRED] = self.repaired(feature, quantity, components)?;
+        findings.kinds[Findings::BOUNDED].extend(bounded(feature, quantity, components));
+        Ok(findings)
+    }
+
+    /// Notes what is found but kept.
+    fn kept(&self, feature: Feature, quantity: Quantity, components: &[Vec<f32>]) -> Vec<Note> {
+        let mut notes = Vec::new();
+        for (k, samples) in components.iter().enumerate() {
+            let channel = || self.origin.channel(feature, quantity, k);
+            let note =
+                |found: Tally| Note::Negative { channel: channel(), quantity, count: found.count };
+            notes.extend(defect::negative(samples, feature, quantity).map(note));
+        }
+        if quantity == Quantity::Value {
+            let note = |found: Tally| Note::Fireflies { feature, count: found.count };
+            notes.extend(defect::fireflies(components, self.width, feature).map(note));
+        }
+        notes
+    }
+
+    fn repaired(
+        &self,
+        feature: Feature,
+        quantity: Quantity,
+        components: &mut [Vec<f32>],
+    ) -> Result<Vec<Note>, SceneError> {
+        let found: Vec<_> = components.par_iter().map(|samples| repair::find(samples)).collect();
+        let mut notes = Vec::new();
+        for (k, (samples, bad)) in components.iter_mut().zip(found).enumerate() {
+            let Some(bad) = bad else { continue };
+            let channel = self.origin.channel(feature, quantity, k);
+            let count = bad.count;
+            match self.repair {
+                Repair::Median => {
+                    repair::by_median(samples, self.width);
+                    notes.push(Note::Repaired { channel, count });
+                }
+                Repair::None => notes.push(Note::LeftBad { channel, count }),
+                Repair::Error => {
+                    let first = (bad.first[0] % self.width, bad.first[0] / self.width);
+                    let path = self.path();
+                    return Err(SceneError::BadPixels { path, channel, count, first });
+                }
+            }
+        }
+        Ok(notes)
+    }
+
+    fn path(&self) -> PathBuf {
+        match &self.origin.file {
+            Some((header, _)) => header.path().to_owned(),
+            None => self.name.into(),
+        }
+    }
+}
+
+/// Brings a feature that has bounds into them: what is derived from it follows.
+fn bounded(feature: Feature, quantity: Quantity, components: &mut [Vec<f32>]) -> Option<Note> {
+    let bounds = feature.row().bounds.filter(|_| quantity == Quantity::Value)?;
+    let mut marked = vec![false; components.first().map_or(0, Vec::len)];
+    for samples in components {
+        defect::bound(samples, bounds, &mut marked);
+    }
+    let count = marked.into_iter().filter(|&marked| marked).count();
+    (count > 0).then_some(Note::Bounded { feature, bounds, count })
+}
