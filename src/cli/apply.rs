@@ -4,15 +4,15 @@ use std::time::{Duration, Instant};
 
 use super::error::Error;
 use crate::backend::{Backend, Rect};
-use crate::filter::{Checked, Filter, Gather};
+use crate::filter::{Checked, Filter};
 use crate::plan::{Passes, Schedule};
 use crate::scene::{Facts, Image, Needs, Scene};
 
 /// A filtered image, and what it took.
 pub(super) struct Applied {
     pub(super) image: Image,
-    /// Pixels that kept their noisy colour.
-    pub(super) kept: usize,
+    /// By stage: pixels that kept what was to be averaged.
+    pub(super) kept: Vec<usize>,
     pub(super) planning: Duration,
     pub(super) compilation: Duration,
     pub(super) filtering: Duration,
@@ -29,14 +29,8 @@ pub(super) fn reach(filter: &Filter) -> usize {
 }
 
 /// A filter that was checked when it was read or made.
-fn checked(filter: &Filter) -> Checked<'_> {
+pub(super) fn checked(filter: &Filter) -> Checked<'_> {
     filter.check().expect("only filters that make sense get here")
-}
-
-/// The one gather of a filter of the paper's.
-pub(super) fn gather(filter: &Filter) -> Result<&Gather, Error> {
-    let stages = filter.stages.len();
-    filter.paper().ok_or_else(|| Error::Stages { filter: filter.name.clone(), stages })
 }
 
 /// Filters a scene that was loaded with the filter's [`needs`] and [`reach`].

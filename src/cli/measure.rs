@@ -56,7 +56,7 @@ impl<'a> Measuring<'a> {
                 let Applied { image, kept, filtering, .. } =
                     self.apply(filter, &scene).map_err(|error| error.to_string())?;
                 let metrics = Metrics::of(&image, &reference).map_err(|error| error.to_string())?;
-                Ok(Measured { metrics, kept, time: filtering })
+                Ok(Measured { metrics, kept: kept.into_iter().sum(), time: filtering })
             });
             scores.push(Score {
                 scene: files.name.clone(),

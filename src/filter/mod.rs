@@ -203,6 +203,12 @@ impl Filter {
         }
     }
 
+    /// The same, if nothing stands in for what a file lacks: what is planned as one weight,
+    /// and not as a program.
+    pub fn plain(&self) -> Option<&Gather> {
+        self.paper().filter(|_| self.absent.is_empty())
+    }
+
     /// The features that the filter reads something of that a scene does not provide and
     /// nothing stands in for, each once, in the feature table's order.
     ///

@@ -108,9 +108,7 @@ impl Schedule {
     /// # Errors
     /// If a feature is absent that the filter cannot do without.
     pub fn new(filter: &Checked<'_>, facts: &Facts, passes: Passes) -> Result<Self, PlanError> {
-        if let Some(gather) = filter.filter().paper()
-            && filter.filter().absent.is_empty()
-        {
+        if let Some(gather) = filter.filter().plain() {
             let weights = std::slice::from_ref(&gather.weight);
             let plan = Plan::new(weights, gather.window, facts, passes)?;
             return Ok(Self::Paper(Box::new(plan)));
