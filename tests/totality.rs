@@ -1,11 +1,20 @@
 //! Total meaning: any tree that the grammar can make gives, on any numbers, a finite
 //! weight within ±LIMIT; every value lies in the interval that the passes rely on; and
-//! passes change what is computed by no more than roundings may.
+//! passes change what is computed by no more than roundings may. Programs of such formulas
+//! give finite colours. (What passes change of their results on ordinary numbers is a matter
+//! of `tests/programs`: on these, roundings decide everything.)
+
+mod fixture;
+#[path = "fixture/programs.rs"]
+mod programs;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use tamis::backend::reference::meaning;
+use tamis::backend::{Backend, Interpreter, Rect};
 use tamis::expr::builder::LIMIT;
 use tamis::expr::grammar::{Limits, Vocabulary};
 use tamis::expr::interval::Interval;
@@ -13,13 +22,16 @@ use tamis::expr::op::Form;
 use tamis::expr::tape::{Axis, Input, Instr, Side, Tape};
 use tamis::expr::tree::component_pairs;
 use tamis::expr::{Feature, PlaneId, Quantity, Symbol, Tree};
-use tamis::filter::Window;
-use tamis::plan::{PASSES, Passes, Precision, Tapes, WindowPlan};
-use tamis::scene::{Fact, Facts};
+use tamis::filter::{Filter, Window};
+use tamis::plan::{PASSES, Passes, Plan, Precision, Tapes, WindowPlan};
+use tamis::scene::{Fact, Facts, RawScene, Scene};
 
 /// Trees, and pairs of pixels that each is evaluated for.
 const TREES: u64 = 5000;
 const PAIRS: usize = 24;
+
+/// Programs, each of which filters four scenes in all ways.
+const PROGRAMS: u64 = 60;
 
 /// What arithmetic trips over: zeros, subnormals, ends of the range, equal values.
 const EXTREMES: [f32; 14] = [
@@ -314,4 +326,72 @@ fn any_tree_on_any_numbers_is_finite_enclosed_and_the_same_with_every_pass() {
     // Enclosures that allow anything would prove nothing.
     let compared = TREES as usize * PAIRS * ways.len();
     assert!(decided * 2 > compared, "{decided} of {compared} enclosures are narrow");
+}
+
+/// Scenes of such numbers: each sample for itself, planes of one value, nothing but zeros,
+/// and an ordinary scene with samples that are no numbers, which are repaired.
+fn scenes(rng: &mut ChaCha8Rng) -> Vec<Scene> {
+    let (width, height) = (17, 11);
+    let with = |sample: &mut dyn FnMut(usize) -> f32| {
+        let mut image = || (0..width * height).map(&mut *sample).collect::<Vec<f32>>();
+        let mut raw = RawScene::new("extreme", width, height, [0; 3].map(|_| image()));
+        for feature in Feature::ALL.into_iter().filter(|&feature| feature != Feature::Pixel) {
+            if feature != Feature::Color {
+                let values = (0..feature.width()).map(|_| image()).collect();
+                raw = raw.with(feature, Quantity::Value, values);
+            }
+            raw = raw.with(feature, Quantity::Variance, vec![image()]);
+        }
+        fixture::prepare(raw)
+    };
+    let mut plane = 0.0;
+    let constant = with(&mut |k| {
+        plane = if k == 0 { value(rng) } else { plane };
+        plane
+    });
+    let mut broken = fixture::raw(width, height, 1);
+    for x in broken.features.values_mut().flatten().flatten() {
+        if rng.random_range(0..20) == 0 {
+            *x = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][rng.random_range(0..3)];
+        }
+    }
+    vec![with(&mut |_| value(rng)), constant, with(&mut |_| 0.0), fixture::prepare(broken)]
+}
+
+#[test]
+fn any_program_on_any_numbers_is_finite_and_the_same_with_every_exact_pass() {
+    let without = |passes: Passes, name: &str| passes.without(name).expect("it is listed");
+    // Whether weights are equal, so that they may be summed another way, is what the exact
+    // passes find out.
+    let together = without(Passes::ALL, "separate");
+    let exact = PASSES.iter().filter(|row| row.exact);
+    let exact = exact.map(|row| (row.name, true, without(together, row.name)));
+    let others = PASSES.iter().filter(|row| !row.exact && row.name != "separate");
+    let others = others.map(|row| (row.name, false, without(Passes::ALL, row.name)));
+    let fast = Passes { precision: Precision::Fast, ..Passes::ALL };
+    let more = [("all", false, Passes::ALL), ("none", false, Passes::NONE), ("fast", false, fast)];
+    let ways: Vec<(&str, bool, Passes)> =
+        [("separate", true, together)].into_iter().chain(exact).chain(others).chain(more).collect();
+    for seed in 0..PROGRAMS {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let text = programs::random(seed, 1 + seed as usize % 12);
+        let filter = Filter::parse(&text, Path::new("test.toml")).expect("it makes sense");
+        let checked = filter.check().expect("it makes sense");
+        for (k, scene) in scenes(&mut rng).iter().enumerate() {
+            let exact = meaning::of(scene, &checked).pixels;
+            assert!(exact.iter().all(|p| p.color.iter().all(|c| c.is_finite())), "{k}, {text}");
+            let mut expected = None;
+            for &(name, is_exact, passes) in &ways {
+                let schedule = Plan::of(&checked, &Facts::of(scene), passes);
+                let schedule = schedule.expect("every feature is there");
+                let code = Interpreter.compile(&schedule).expect("always possible");
+                let filtered = code.run(scene, &[Rect::whole(scene)]).expect("it runs");
+                let pixels = &filtered[0].pixels;
+                let finite = pixels.iter().flatten().all(|x| x.is_finite());
+                assert!(finite, "scene {k}, {name}, seed {seed}: {text}");
+                let expected = expected.get_or_insert_with(|| pixels.clone());
+                assert!(!is_exact || pixels == expected, "scene {k}, {name}, seed {seed}: {text}");
+            }
+        }
+    }
 }

@@ -6,7 +6,6 @@
 #![no_main]
 
 #[path = "../../tests/fixture/programs.rs"]
-#[expect(dead_code, reason = "the sample program is the tests' alone")]
 mod programs;
 mod shared;
 

@@ -92,9 +92,10 @@ impl Rect {
 pub struct Filtered {
     /// Linear R, G, B; rectangle after rectangle, each row by row.
     pub pixels: Vec<[f32; 3]>,
-    /// How many pixels kept their noisy colour because their weights summed to
-    /// nothing that can be trusted.
-    pub kept: usize,
+    /// By stage of the filter: how many of its pixels kept what was to be averaged (of the
+    /// paper's filters the noisy colour), because their weights summed to nothing that can
+    /// be trusted. Maps average nothing.
+    pub kept: Vec<usize>,
 }
 
 /// How far a back end's results may be from the interpreter's.

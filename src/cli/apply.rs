@@ -1,7 +1,6 @@
 //! What filters read of scenes.
 
-use super::error::Error;
-use crate::filter::{Checked, Filter, Gather};
+use crate::filter::{Checked, Filter};
 use crate::scene::Needs;
 
 /// The planes that a filter reads of a scene.
@@ -15,12 +14,6 @@ pub(super) fn reach(filter: &Filter) -> usize {
 }
 
 /// A filter that was checked when it was read or made.
-fn checked(filter: &Filter) -> Checked<'_> {
+pub(super) fn checked(filter: &Filter) -> Checked<'_> {
     filter.check().expect("only filters that make sense get here")
-}
-
-/// The one gather of a filter of the paper's.
-pub(super) fn gather(filter: &Filter) -> Result<&Gather, Error> {
-    let stages = filter.stages.len();
-    filter.paper().ok_or_else(|| Error::Stages { filter: filter.name.clone(), stages })
 }

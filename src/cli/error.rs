@@ -71,17 +71,6 @@ pub(super) enum Error {
     #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] crate::backend::gpu::GpuError),
-    /// A filter of a later version's kind.
-    #[error(
-        "filter `{filter}` has {stages} stages; this version applies filters of one gather of the colour: \
-         split it up, or update the program"
-    )]
-    Stages {
-        /// The filter's name.
-        filter: String,
-        /// How many it has.
-        stages: usize,
-    },
     /// Some of several inputs are not there.
     #[error("nothing was done, as {missing} of {of} inputs cannot be found:{listing}")]
     MissingInputs {
@@ -175,7 +164,6 @@ impl Error {
             | Self::Interrupted { .. }
             | Self::Denoise(_)
             | Self::NoMachineCode { .. }
-            | Self::Stages { .. }
             | Self::MissingInputs { .. }
             | Self::Frames { .. }
             | Self::Export(_)

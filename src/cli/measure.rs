@@ -58,7 +58,7 @@ impl<'a> Measuring<'a> {
                 let (image, Applied { kept, filtering, .. }) =
                     self.apply(filter, &scene).map_err(|error| error.to_string())?;
                 let metrics = Metrics::of(&image, &reference).map_err(|error| error.to_string())?;
-                Ok(Measured { metrics, kept, time: filtering })
+                Ok(Measured { metrics, kept: kept.into_iter().sum(), time: filtering })
             });
             scores.push(Score {
                 scene: files.name.clone(),

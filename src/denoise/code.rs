@@ -21,10 +21,10 @@ pub struct Code<'a> {
 }
 
 /// What there is to say of a filtered image.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Applied {
-    /// Pixels that kept their noisy colour.
-    pub kept: usize,
+    /// By stage: pixels that kept what was to be averaged.
+    pub kept: Vec<usize>,
     /// How long planning took.
     pub planning: Duration,
     /// How long compilation took.

@@ -36,14 +36,16 @@ pub(super) fn apply(
     let result = 3 * (layout.pixels() * size_of::<f32>()) as u64;
     let rows = max_memory.saturating_sub(result) / 4 / scene.row_bytes();
     let rows = usize::try_from(rows).unwrap_or(usize::MAX).clamp(SHORTEST, height.max(SHORTEST));
-    let mut kept = 0;
+    let mut kept = vec![0; filter.stages.len()];
     for top in (0..height).step_by(rows) {
         let wanted = top..(top + rows).min(height);
         let around = code.plan().rows(wanted.clone(), height);
         let part = scene.rows(around.clone())?;
         let rect = Rect { x: 0, y: wanted.start - around.start, width, height: wanted.len() };
         let filtered: Filtered = code.run(&part, rect)?;
-        kept += filtered.kept;
+        for (kept, more) in kept.iter_mut().zip(filtered.kept) {
+            *kept += more;
+        }
         for (channel, samples) in rgb.iter_mut().enumerate() {
             samples.extend(filtered.pixels.iter().map(|color| color[channel]));
         }

@@ -303,8 +303,8 @@ impl<'a> Checked<'a> {
     fn formulas(&self) -> impl Iterator<Item = &'a Tree> {
         self.filter.stages.iter().flat_map(|stage| match &stage.kind {
             StageKind::Map(value) => vec![value],
-            // The colour itself is not among what weights look at.
-            StageKind::Gather(gather) if gather.is_paper() => vec![&gather.weight],
+            // The colour itself is not among what the paper's weights look at.
+            StageKind::Gather(gather) if self.filter.paper().is_some() => vec![&gather.weight],
             StageKind::Gather(gather) => {
                 [&gather.of, &gather.weight].into_iter().chain(&gather.variance).collect()
             }
@@ -373,6 +373,54 @@ impl<'a> Checked<'a> {
             })
         });
         let windows = self.filter.gathers().map(|gather| gather.window.reach() as usize);
-        shifts.chain(windows).max().unwrap_or(0)
+        // From one grid to the other, the pixel beside is looked at.
+        let grids = self.filter.stages.iter().map(|stage| usize::from(stage.grid == Grid::Half));
+        shifts.chain(windows).chain(grids).max().unwrap_or(0)
+    }
+
+    /// How far from a pixel of the image what its result depends on may lie, in pixels of
+    /// the image, through all stages: the radius of the receptive field.
+    pub fn receptive_field(&self) -> usize {
+        let stages = &self.filter.stages;
+        let mut fields: Vec<usize> = Vec::with_capacity(stages.len());
+        for stage in stages {
+            let (grid, step) = (stage.grid, stage.grid.step());
+            let field = |tree: &Tree, map: bool, reach: usize| {
+                let looks = tree.symbols().iter().zip(tree.places(map)).map(|(symbol, place)| {
+                    let beside = step
+                        * match place {
+                            Place::Side(Side::I) => 0,
+                            Place::Side(Side::J) => reach,
+                            Place::Shift(dx, dy) => dx.unsigned_abs().max(dy.unsigned_abs()).into(),
+                        };
+                    match symbol {
+                        Symbol::Stage(signal) => {
+                            let stage = usize::from(signal.stage);
+                            // Between two pixels of half the resolution, the further one of
+                            // which begins two pixels away.
+                            let between = match (stages[stage].grid, grid) {
+                                (Grid::Half, Grid::Full) => 2,
+                                (Grid::Half, Grid::Half) | (Grid::Full, _) => 0,
+                            };
+                            beside + between + fields[stage]
+                        }
+                        _ if symbol.reads().is_some() => beside,
+                        _ => 0,
+                    }
+                });
+                looks.max().unwrap_or(0)
+            };
+            fields.push(match &stage.kind {
+                StageKind::Map(value) => field(value, true, 0),
+                StageKind::Gather(gather) => {
+                    let reach = gather.window.reach() as usize;
+                    let averaged = [Some(&gather.of), gather.variance.as_ref()];
+                    let averaged = averaged.into_iter().flatten().map(|tree| field(tree, true, 0));
+                    let averaged = averaged.max().unwrap_or(0) + step * reach;
+                    averaged.max(field(&gather.weight, false, reach))
+                }
+            });
+        }
+        fields.pop().unwrap_or(0)
     }
 }

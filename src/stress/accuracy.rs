@@ -4,7 +4,8 @@ use serde::Serialize;
 
 use super::guards::Guards;
 use super::trial::{Trial, filter_at};
-use super::{Engine, Kind, Peak};
+use super::{Engine, Kind, Peak, StressError};
+use crate::backend::BackendError;
 
 /// A scene, and how back ends did on it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -13,12 +14,14 @@ pub struct Scene {
     pub scene: String,
     /// Where it comes from.
     pub kind: Kind,
-    /// Radius of the window.
-    pub radius: u32,
+    /// How far around a pixel the filter looked, in pixels.
+    pub reach: usize,
     /// Number of pixels.
     pub pixels: usize,
-    /// Where the guard acts.
-    pub guards: Guards,
+    /// Of so many of them back ends promise nothing.
+    pub unpromised: usize,
+    /// Where the guards act, gather by gather.
+    pub guards: Vec<Guards>,
     /// Per engine, in the certificate's order.
     pub accuracy: Vec<Accuracy>,
 }
@@ -27,9 +30,14 @@ pub struct Scene {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Accuracy {
-    /// The greatest [difference](crate::backend::reference::oracle::Exact::difference) of a pixel
+    /// The greatest [difference](crate::backend::reference::oracle::Pixel::difference) of a pixel
     /// of which back ends promise anything.
     Measured(Peak),
+    /// It does not run filters of this kind.
+    Unsupported {
+        /// In its words.
+        unsupported: String,
+    },
     /// It could not run.
     Failed {
         /// Why.
@@ -42,25 +50,32 @@ impl Scene {
     pub(super) fn of(trial: &Trial<'_>, engines: &[Engine<'_>]) -> Self {
         let width = trial.scene.layout().width();
         let accuracy = engines.iter().map(|engine| {
-            let filtered = engine.backend.clone().and_then(|backend| {
-                filter_at(engine.precision, &trial.scene, &trial.stage, backend)
-                    .map_err(|error| error.to_string())
-            });
-            match filtered {
+            let backend = match &engine.backend {
+                Ok(backend) => *backend,
+                Err(absent) => return Accuracy::Failed { failure: absent.clone() },
+            };
+            match filter_at(engine.precision, &trial.scene, &trial.checked(), backend) {
                 Ok(filtered) => {
-                    let difference = |k: usize| (k, trial.exact[k].difference(filtered[k]));
+                    let pixels = &trial.meaning.pixels;
+                    let difference = |k: usize| (k, pixels[k].difference(filtered[k]));
                     Accuracy::Measured(Peak::of(trial.promised().map(difference), width))
                 }
-                Err(failure) => Accuracy::Failed { failure },
+                Err(StressError::Run {
+                    source: error @ BackendError::Unsupported { .. }, ..
+                }) => Accuracy::Unsupported { unsupported: error.to_string() },
+                Err(error) => Accuracy::Failed { failure: error.to_string() },
             }
         });
+        let accuracy = accuracy.collect();
+        let pixels = trial.meaning.pixels.len();
         Self {
             scene: trial.scene.name().to_owned(),
             kind: trial.ground.kind,
-            radius: trial.stage.window.radius,
-            pixels: trial.exact.len(),
+            reach: trial.checked().receptive_field(),
+            pixels,
+            unpromised: pixels - trial.promised().count(),
             guards: Guards::of(trial),
-            accuracy: accuracy.collect(),
+            accuracy,
         }
     }
 }

@@ -70,11 +70,12 @@ const TABLE: [Row; 11] = [
 /// The scene that stands for all others where one must do.
 const STEPS: Row = Row { name: "steps", kind: Kind::Made, sample: steps };
 
-/// All scenes, and one of them again with a window as large as the filter's.
-pub(super) fn grounds(seed: u64, window: Window) -> Vec<Ground> {
+/// All scenes, and one of them again with a window as large as the filter's, if it has
+/// one that is otherwise cut down.
+pub(super) fn grounds(seed: u64, window: Option<Window>) -> Vec<Ground> {
     let ground = |(k, row): (usize, &Row)| row.ground(Stream { seed, scene: k as u64 });
     let mut grounds: Vec<Ground> = TABLE.iter().enumerate().map(ground).collect();
-    if window.radius > RADIUS {
+    if let Some(window) = window.filter(|window| window.radius > RADIUS) {
         let mut wide = steps_alone(seed);
         wide.raw.name = format!("{}, whole window", STEPS.name);
         wide.radius = window.radius;

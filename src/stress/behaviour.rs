@@ -4,11 +4,12 @@ use serde::Serialize;
 
 use super::adversary::steps_alone;
 use super::sensitivity::stored;
-use super::trial::{Trial, exact, filter, prepare};
+use super::trial::{Trial, filter, prepare};
 use super::{Ground, StressError};
 use crate::backend::Backend;
+use crate::backend::reference::meaning;
 use crate::expr::{Feature, Quantity};
-use crate::filter::Gather;
+use crate::filter::Checked;
 use crate::scene::{RawScene, SceneError};
 
 /// What is wrong with a feature.
@@ -39,14 +40,14 @@ impl Fault {
 pub enum Outcome {
     /// It is not applied, and the error names what is missing.
     Refused,
-    /// It is applied.
+    /// It is applied, perhaps with what stands in for what is missing.
     Filtered {
         /// The greatest difference from exact of a pixel of which back ends promise
         /// anything; none of a scene with a bad pixel, which once repaired is like others.
         difference: Option<f64>,
         /// Pixels that are no numbers.
         broken: usize,
-        /// Pixels that changed although the bad one is not in their window.
+        /// Pixels that changed although the bad one is out of their reach.
         escaped: usize,
     },
 }
@@ -65,14 +66,14 @@ pub struct Behaviour {
 
 /// Gives a filter each fault of each feature that it reads.
 pub(super) fn observe(
-    stage: &Gather,
+    checked: &Checked<'_>,
     backend: &dyn Backend,
     seed: u64,
 ) -> Result<Vec<Behaviour>, StressError> {
     let ground = Ground { radius: RADIUS, ..steps_alone(seed) };
-    let trial = Trial::new(&ground, stage, backend)?;
+    let trial = Trial::new(&ground, checked, backend)?;
     let mut behaviour = Vec::new();
-    for key in stored(stage, &ground.raw) {
+    for key in stored(checked, &ground.raw) {
         for fault in Fault::ALL {
             // Without a colour there is no image.
             if fault == Fault::Missing && key == (Feature::Color, Quantity::Value) {
@@ -104,19 +105,20 @@ fn outcome(
         Fault::Nan => bad_pixel(trial, key, f32::NAN)?,
         Fault::Infinite => bad_pixel(trial, key, f32::INFINITY)?,
     };
-    let scene = match prepare(raw, &trial.stage) {
+    let checked = trial.checked();
+    let scene = match prepare(raw, &checked) {
         Err(StressError::Scene(SceneError::MissingFeature { .. })) if fault == Fault::Missing => {
             return Ok(Outcome::Refused);
         }
         other => other?,
     };
-    let filtered = filter(&scene, &trial.stage, backend)?;
+    let filtered = filter(&scene, &checked, backend)?;
     let difference = || {
-        let exact = exact(&scene, &trial.stage);
-        let promised = exact.iter().zip(&filtered).filter(|(exact, _)| exact.is_promised());
+        let exact = meaning::of(&scene, &checked).pixels;
+        let promised = exact.iter().zip(&filtered).filter(|(exact, _)| exact.promised);
         promised.map(|(exact, &color)| exact.difference(color)).fold(0.0, f64::max)
     };
-    let reach = trial.stage.window.reach() as usize + DERIVED;
+    let reach = checked.receptive_field() + DERIVED;
     let width = scene.layout().width();
     let far = |k: usize, bad: usize| {
         (k % width).abs_diff(bad % width) > reach || (k / width).abs_diff(bad / width) > reach
@@ -138,7 +140,7 @@ const RADIUS: u32 = 2;
 /// A pixel that hits something.
 const HIT: usize = 500;
 
-/// How much further than its window a pixel looks: gradients and estimated variances
+/// How much further than its stages a pixel looks: gradients and estimated variances
 /// are made of neighbours.
 const DERIVED: usize = 1;
 
@@ -168,7 +170,7 @@ fn bad_pixel(
     };
     for bad in HIT..raw.width * raw.height {
         let spoilt = spoilt(bad);
-        let scene = prepare(spoilt.clone(), &trial.stage)?;
+        let scene = prepare(spoilt.clone(), &trial.checked())?;
         if scene.normalization() == trial.scene.normalization() {
             return Ok((spoilt, Some(bad)));
         }

@@ -7,17 +7,20 @@ use super::behaviour::Behaviour;
 use super::invariance::Invariance;
 use super::sensitivity::Sensitivity;
 use super::verdict::{Reason, Verdict};
-use super::{Engine, Gather};
+use super::{Checked, Engine};
+use crate::filter::show;
 
 /// A filter's stability certificate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Certificate {
     /// The filter's name.
     pub filter: String,
-    /// Its weight.
-    pub weight: String,
-    /// Radius of its window.
-    pub radius: u32,
+    /// Its stages, as a person would write them.
+    pub text: String,
+    /// How many they are.
+    pub stages: usize,
+    /// How far around a pixel it looks, in pixels.
+    pub reach: usize,
     /// Names the random numbers that scenes and noise are made of.
     pub seed: u64,
     /// The gravest of the reasons.
@@ -49,7 +52,7 @@ pub struct EngineEntry {
 
 impl Certificate {
     /// One without figures.
-    pub(super) fn new(filter: &str, stage: &Gather, engines: &[Engine<'_>], seed: u64) -> Self {
+    pub(super) fn new(checked: &Checked<'_>, engines: &[Engine<'_>], seed: u64) -> Self {
         let entry = |engine: &Engine<'_>| EngineEntry {
             name: engine.name.clone(),
             bound: engine
@@ -60,9 +63,10 @@ impl Certificate {
             absent: engine.backend.as_ref().err().cloned(),
         };
         Self {
-            filter: filter.to_owned(),
-            weight: stage.weight.to_string(),
-            radius: stage.window.radius,
+            filter: checked.filter().name.clone(),
+            text: show(checked),
+            stages: checked.filter().stages.len(),
+            reach: checked.receptive_field(),
             seed,
             verdict: Verdict::Stable,
             reasons: Vec::new(),

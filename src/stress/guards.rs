@@ -1,20 +1,26 @@
-//! Where and why the guard of Equation 1 acts, by the exact sums.
+//! Where and why the guards of weighted means act, by the exact sums.
 
 use serde::Serialize;
 
-use super::trial::{Trial, overflows};
-use crate::backend::{TRUSTED_SHARE, TRUSTED_SUM};
+use super::trial::Trial;
+use crate::backend::TRUSTED_SUM;
+use crate::backend::reference::meaning::Weighed;
 
-/// Numbers of pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+/// Numbers of pixels of a gather that keep what was to be averaged: of the paper's filters
+/// the noisy colour.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Guards {
-    /// Kept noisy, as the weights sum to less than [`TRUSTED_SUM`]: nothing in the
+    /// The stage's name.
+    pub stage: String,
+    /// Pixels that it has in all.
+    pub pixels: usize,
+    /// Kept, as the weights sum to less than [`TRUSTED_SUM`]: nothing in the
     /// window is alike.
     pub vanished: usize,
-    /// Kept noisy, as the sum is less than [`TRUSTED_SHARE`] of that of the weights'
+    /// Kept, as the sum is less than [`TRUSTED_SHARE`](crate::backend::TRUSTED_SHARE) of that of the weights'
     /// magnitudes: they cancel.
     pub cancelled: usize,
-    /// Kept noisy, as the sums left the range of `f32`.
+    /// Kept, as the sums left the range of `f32`.
     pub overflowed: usize,
     /// Of which back ends promise nothing: those above, but for overflows, and those so
     /// close to them that rounding decides.
@@ -24,24 +30,27 @@ pub struct Guards {
 }
 
 impl Guards {
-    /// Counts the pixels of a trial.
-    pub(super) fn of(trial: &Trial<'_>) -> Self {
-        let mut guards = Self::default();
-        let noisy = trial.scene.noisy();
-        for (k, exact) in trial.exact.iter().enumerate() {
-            let total = exact.total.abs();
-            let unpromised = !exact.is_promised();
+    /// Counts the pixels of a trial's gathers.
+    pub(super) fn of(trial: &Trial<'_>) -> Vec<Self> {
+        let stages = &trial.filter.stages;
+        let name = |gather: &Weighed| stages[gather.stage].name.clone();
+        trial.meaning.gathers.iter().map(|gather| Self::count(name(gather), gather)).collect()
+    }
+
+    fn count(stage: String, gather: &Weighed) -> Self {
+        let mut guards = Self { stage, pixels: gather.sums.len(), ..Self::default() };
+        for sums in &gather.sums {
+            let total = sums.total.abs();
+            let unpromised = !sums.is_promised();
             guards.unpromised += usize::from(unpromised);
             // Few weights of both signs may vanish too, together.
-            let cancels = total < exact.magnitude / 2.0;
+            let cancels = total < sums.magnitude / 2.0;
             guards.doubtful += usize::from(unpromised && cancels);
             if total < f64::from(TRUSTED_SUM) && !cancels {
                 guards.vanished += 1;
-            } else if total < f64::from(TRUSTED_SUM)
-                || total < f64::from(TRUSTED_SHARE) * exact.magnitude
-            {
+            } else if !sums.is_trusted() {
                 guards.cancelled += 1;
-            } else if overflows(exact) && noisy.rgb().map(|c| c[k]) == trial.filtered[k] {
+            } else if sums.overflows() {
                 guards.overflowed += 1;
             }
         }

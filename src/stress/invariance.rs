@@ -4,12 +4,15 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::peak::change;
+use super::sensitivity::stored;
 use super::trial::Trial;
 use super::{Peak, StressError};
-use crate::backend::reference::oracle::Exact;
+use crate::backend::reference::oracle::Pixel;
 use crate::backend::{ACCURACY, Backend};
+use crate::expr::builder::LIMIT;
 use crate::expr::feature::Unit;
-use crate::expr::{Feature, Quantity};
+use crate::expr::{Feature, PlaneId, Quantity};
+use crate::filter::Grid;
 use crate::scene::RawScene;
 use crate::scene::normalize::{geometry, hits};
 
@@ -116,12 +119,29 @@ pub(super) fn measure(
     trial: &Trial<'_>,
     backend: &dyn Backend,
 ) -> Result<Vec<Invariance>, StressError> {
-    let planes = trial.stage.weight.planes();
-    let world = planes.iter().any(|p| matches!(p.feature.row().unit, Unit::Place | Unit::Length));
-    let rows: Vec<&Row> = TABLE.iter().filter(|row| world || !row.world).collect();
+    let needs = trial.checked().needs();
+    let world = |p: &PlaneId| matches!(p.feature.row().unit, Unit::Place | Unit::Length);
+    let world = needs.named().into_iter().flatten().any(world);
     let size = [trial.scene.layout().width(), trial.scene.layout().height()];
+    // Pixels of half the resolution are pairs, of which an odd number begins at one end of a
+    // row: which pixels are a pair hangs on where the row begins.
+    let pairs = trial.filter.stages.iter().any(|stage| stage.grid == Grid::Half);
+    let paired = |row: &Row| {
+        let [x, y] = (row.moved)([0, 0], size);
+        !pairs || x % 2 == usize::from(x > 0) && y % 2 == usize::from(y > 0)
+    };
+    let rows = TABLE.iter().filter(|row| (world || !row.world) && paired(row));
+    let rows: Vec<&Row> = rows.collect();
+    let stored = stored(&trial.checked(), &trial.ground.raw);
     let measure = |row: &&Row| {
         let changed = (row.apply)(&trial.ground.raw);
+        // What leaves the range that filters compute in is no number to them, and says nothing.
+        let leaves = |key: &(Feature, Quantity)| {
+            changed.features[key].iter().flatten().any(|x| x.abs() > LIMIT)
+        };
+        if stored.iter().any(leaves) {
+            return Ok(None);
+        }
         let width = changed.width;
         let filtered = trial.with(changed, backend)?;
         let difference = |k: usize| {
@@ -129,21 +149,23 @@ pub(super) fn measure(
             let after = filtered[y * width + x];
             let before = trial.filtered[k].map(|c| c * row.factor);
             match row.tolerance {
-                Tolerance::Bits | Tolerance::Rounding => change(before, after),
+                Tolerance::Bits | Tolerance::Rounding => {
+                    change(before, after, trial.meaning.darkest)
+                }
                 Tolerance::Order => {
-                    let before = before.map(f64::from);
-                    Exact { color: before, ..trial.exact[k] }.difference(after)
+                    let color = before.map(f64::from);
+                    Pixel { color, ..trial.meaning.pixels[k] }.difference(after)
                 }
             }
         };
-        Ok(Invariance {
+        Ok(Some(Invariance {
             scene: trial.scene.name().to_owned(),
             change: row.name,
             tolerance: row.tolerance,
             greatest: Peak::of(trial.promised().map(|k| (k, difference(k))), size[0]),
-        })
+        }))
     };
-    rows.par_iter().map(measure).collect()
+    rows.par_iter().filter_map(|row| measure(row).transpose()).collect()
 }
 
 /// The scene with quantities of some units multiplied, variances by the square.

@@ -58,8 +58,9 @@ fn accuracy(certificate: &Certificate) -> Vec<Charge> {
         let engine = &certificate.engines[k];
         worst(certificate.scenes.iter().filter_map(|scene| {
             let bound = engine.bound?;
-            Some(match &scene.accuracy[k] {
-                Accuracy::Measured(peak) => (
+            match &scene.accuracy[k] {
+                Accuracy::Unsupported { .. } => None,
+                Accuracy::Measured(peak) => Some((
                     inaccuracy(peak.value / bound, scene.kind),
                     peak.value,
                     format!(
@@ -68,13 +69,13 @@ fn accuracy(certificate: &Certificate) -> Vec<Charge> {
                         peak.value,
                         place(&scene.scene, *peak)
                     ),
-                ),
-                Accuracy::Failed { failure } => (
+                )),
+                Accuracy::Failed { failure } => Some((
                     Verdict::Unstable,
                     f64::INFINITY,
                     format!("{}: cannot run: {failure}", engine.name),
-                ),
-            })
+                )),
+            }
         }))
     };
     (0..certificate.engines.len()).filter_map(charge).collect()
@@ -82,11 +83,16 @@ fn accuracy(certificate: &Certificate) -> Vec<Charge> {
 
 fn guards(certificate: &Certificate) -> Vec<Charge> {
     let ordinary = certificate.scenes.iter().filter(|scene| scene.kind != Kind::Extreme);
-    let charge = worst(ordinary.map(|scene| {
-        let share = scene.guards.doubtful as f64 / scene.pixels.max(1) as f64;
+    let gathers = ordinary.flat_map(|scene| scene.guards.iter().map(move |guards| (scene, guards)));
+    let charge = worst(gathers.map(|(scene, guards)| {
+        let share = guards.doubtful as f64 / guards.pixels.max(1) as f64;
         let verdict = if share > DOUBTFUL { Verdict::Sensitive } else { Verdict::Stable };
+        let stage = match scene.guards.len() {
+            1 => String::new(),
+            _ => format!("stage `{}`: ", guards.stage),
+        };
         let text = format!(
-            "weights cancel in {:.1}% of the pixels of `{}`: nothing is promised of them",
+            "{stage}weights cancel in {:.1}% of the pixels of `{}`: nothing is promised of them",
             100.0 * share,
             scene.scene
         );

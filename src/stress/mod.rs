@@ -4,7 +4,7 @@
 //! caller's, and measures
 //!
 //! - how far every back end is from the filter's exact meaning ([`accuracy`]),
-//! - where and why the guard of Equation 1 acts ([`guards`]),
+//! - where and why the guards of weighted means act ([`guards`]),
 //! - how much of the result changes with the last bit of each feature, and with noise
 //!   of a thousandth ([`sensitivity`]),
 //! - whether exposure, unit and place of the world, and orientation matter
@@ -32,9 +32,9 @@ mod trial;
 pub mod verdict;
 
 use crate::backend::{Backend, BackendError, Interpreter};
-use crate::filter::Gather;
+use crate::filter::Checked;
 use crate::plan::{PlanError, Precision};
-use crate::scene::{Needs, RawScene, SceneError};
+use crate::scene::{RawScene, SceneError};
 
 pub use certificate::Certificate;
 pub use peak::Peak;
@@ -43,8 +43,8 @@ pub use verdict::{Reason, Verdict};
 
 use trial::Trial;
 
-/// The radius that scenes of the caller's are filtered with, if the filter's is not
-/// smaller: what is ill-conditioned shows in windows of any size, and 25 taps, exactly
+/// The radius that scenes of the caller's are filtered with, if the filter is one of the
+/// paper's and its own is not smaller: what is ill-conditioned shows in windows of any size, and 25 taps, exactly
 /// computed for all pixels, take seconds.
 pub const REAL_RADIUS: u32 = 2;
 
@@ -58,7 +58,8 @@ pub struct Ground {
     pub raw: RawScene,
     /// Where they come from.
     pub kind: Kind,
-    /// Radius of the windows, at most the filter's own.
+    /// Radius of the window of a filter of the paper's, at most its own. Programs run whole:
+    /// each window is made for what the others do.
     pub radius: u32,
 }
 
@@ -77,7 +78,7 @@ pub enum Kind {
 }
 
 impl Ground {
-    /// A rendered scene, read with at least what the filter [reads](needs).
+    /// A rendered scene, read with at least what the filter [reads](Checked::needs).
     pub fn real(raw: RawScene) -> Self {
         Self { raw, kind: Kind::Real, radius: REAL_RADIUS }
     }
@@ -117,30 +118,26 @@ pub enum StressError {
     },
 }
 
-/// The planes that a stage reads.
-pub fn needs(stage: &Gather) -> Needs {
-    Needs::planes(stage.weight.planes())
-}
-
 /// Measures how a filter bears being computed, and bears its inputs: on scenes made
 /// from `seed`, and on `real` ones. All but the accuracy is measured with the first
-/// of the engines that is there, at standard precision.
+/// of the engines that is there and runs such filters, at standard precision.
 ///
 /// # Errors
 /// If a real scene lacks what the filter reads, or that engine fails.
 pub fn certify(
-    filter: &str,
-    stage: &Gather,
+    checked: &Checked<'_>,
     real: &[Ground],
     engines: &[Engine<'_>],
     seed: u64,
 ) -> Result<Certificate, StressError> {
-    let present = engines.iter().find_map(|engine| engine.backend.as_ref().ok().copied());
-    let backend: &dyn Backend = present.unwrap_or(&Interpreter);
-    let made = adversary::grounds(seed, stage.window);
-    let mut certificate = Certificate::new(filter, stage, engines, seed);
+    let filter = checked.filter();
+    let mut present = engines.iter().filter_map(|engine| engine.backend.as_ref().ok().copied());
+    let runs = |backend: &&dyn Backend| backend.supports(filter).is_ok();
+    let backend: &dyn Backend = present.find(runs).unwrap_or(&Interpreter);
+    let made = adversary::grounds(seed, filter.paper().map(|gather| gather.window));
+    let mut certificate = Certificate::new(checked, engines, seed);
     for (k, ground) in made.iter().chain(real).enumerate() {
-        let trial = Trial::new(ground, stage, backend)?;
+        let trial = Trial::new(ground, checked, backend)?;
         certificate.scenes.push(accuracy::Scene::of(&trial, engines));
         if ground.kind != Kind::Extreme {
             let stream = adversary::Stream { seed, scene: k as u64 };
@@ -148,7 +145,7 @@ pub fn certify(
             certificate.invariance.extend(invariance::measure(&trial, backend)?);
         }
     }
-    certificate.behaviour = behaviour::observe(stage, backend, seed)?;
+    certificate.behaviour = behaviour::observe(checked, backend, seed)?;
     judge::judge(&mut certificate);
     Ok(certificate)
 }

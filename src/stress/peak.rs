@@ -25,11 +25,10 @@ impl Peak {
 }
 
 /// How much a colour changed: the greatest difference of a channel, relative to the
-/// greatest channel. A colour that is no number has changed infinitely.
-pub(super) fn change(before: [f32; 3], after: [f32; 3]) -> f64 {
-    /// Darker colours are subnormal, and change in steps that are no small part.
-    const DARKEST: f64 = 1e-30;
-    let scale = before.iter().map(|&c| f64::from(c.abs())).fold(DARKEST, f64::max);
+/// greatest channel, or to `darkest` if that is more. A colour that is no number has
+/// changed infinitely.
+pub(super) fn change(before: [f32; 3], after: [f32; 3], darkest: f64) -> f64 {
+    let scale = before.iter().map(|&c| f64::from(c.abs())).fold(darkest, f64::max);
     let channels = before.iter().zip(&after);
     let differences = channels.map(|(&a, &b)| (f64::from(a) - f64::from(b)).abs() / scale);
     differences.fold(0.0, |most, d| if d.is_nan() { f64::INFINITY } else { most.max(d) })

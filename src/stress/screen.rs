@@ -10,13 +10,13 @@
 use super::adversary::{Stream, grounds};
 use super::peak::change;
 use super::sensitivity::{Noise, noisy};
-use super::trial::{filter, overflows};
+use super::trial::filter;
 use super::verdict::{INACCURACY, ULP};
 use super::{Ground, Kind, StressError};
-use crate::backend::reference::oracle;
+use crate::backend::reference::oracle::{self, DARKEST};
 use crate::backend::{ACCURACY, Backend, Rect};
 use crate::expr::Tree;
-use crate::filter::{Gather, Window};
+use crate::filter::{Filter, Gather, Window};
 use crate::scene::{LoadOptions, Needs, RawScene, Scene, SceneError};
 
 /// Rows of a rendered scene that are computed exactly. What magnifies roundings (an arc
@@ -56,7 +56,7 @@ impl<'a> Screen<'a> {
         backend: &'a dyn Backend,
         seed: u64,
     ) -> Result<Self, SceneError> {
-        let made = grounds(seed, window);
+        let made = grounds(seed, Some(window));
         let ordinary = made.iter().chain(real).filter(|ground| ground.kind != Kind::Extreme);
         let pair = |(k, ground): (usize, &Ground)| {
             let radius = ground.radius.min(window.radius);
@@ -100,17 +100,19 @@ impl Pair {
     fn tells(&self, screen: &Screen<'_>, tree: &Tree) -> Result<bool, StressError> {
         let window = Window { radius: self.radius, ..screen.window };
         let stage = Gather::of_color(tree.clone(), window);
-        let before = filter(&self.before, &stage, screen.backend)?;
-        let after = filter(&self.after, &stage, screen.backend)?;
+        let whole = Filter::of_gather("bred", stage.clone());
+        // What is no number is no weight.
+        let Ok(checked) = whole.check() else { return Ok(true) };
+        let before = filter(&self.before, &checked, screen.backend)?;
+        let after = filter(&self.after, &checked, screen.backend)?;
         let changes = before.iter().zip(&after).enumerate();
-        let changed =
-            changes.filter(|&(_, (&before, &after))| change(before, after) > ULP.sensitive);
+        let changed = changes
+            .filter(|&(_, (&before, &after))| change(before, after, DARKEST) > ULP.sensitive);
         let width = self.before.layout().width();
         Ok(self.is_inexact(&stage, &before)
             || changed.take(ASKED).any(|(k, _)| {
                 let pixel = Rect { x: k % width, y: k / width, width: 1, height: 1 };
-                let exact = oracle::filter(&self.before, &stage, pixel)[0];
-                exact.is_promised() && !overflows(&exact)
+                oracle::filter(&self.before, &stage, pixel)[0].pixel().promised
             }))
     }
 
@@ -125,9 +127,8 @@ impl Pair {
             let row = Rect { x: 0, y, width, height: 1 };
             let exact = oracle::filter(&self.before, stage, row);
             exact.iter().zip(&computed[y * width..]).any(|(exact, &computed)| {
-                exact.is_promised()
-                    && !overflows(exact)
-                    && exact.difference(computed) > INACCURACY.sensitive * ACCURACY
+                let exact = exact.pixel();
+                exact.promised && exact.difference(computed) > INACCURACY.sensitive * ACCURACY
             })
         })
     }

@@ -16,7 +16,7 @@ use crate::backend::Backend;
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::Unit;
 use crate::expr::{Feature, PlaneId, Quantity};
-use crate::filter::Gather;
+use crate::filter::Checked;
 use crate::scene::{RawScene, Scene};
 
 /// Relative noise that no renderer's features are free of.
@@ -60,13 +60,14 @@ pub(super) fn measure(
     backend: &dyn Backend,
     stream: Stream,
 ) -> Result<Vec<Sensitivity>, StressError> {
-    let stored = stored(&trial.stage, &trial.ground.raw);
+    let stored = stored(&trial.checked(), &trial.ground.raw);
     let cases: Vec<_> = stored.into_iter().flat_map(|key| Noise::ALL.map(|n| (key, n))).collect();
     let measure = |(k, &(key, noise)): (usize, &((Feature, Quantity), Noise))| {
         let mut rng = stream.numbers(1 + k as u64);
         let raw = noisy(&trial.ground.raw, &trial.scene, key, noise, &mut rng);
         let filtered = trial.with(raw, backend)?;
-        let changed = |k: usize| change(trial.filtered[k], filtered[k]);
+        let darkest = trial.meaning.darkest;
+        let changed = |k: usize| change(trial.filtered[k], filtered[k], darkest);
         let changes: Vec<(usize, f64)> = trial.promised().map(|k| (k, changed(k))).collect();
         let greatest = Peak::of(changes.iter().copied(), trial.scene.layout().width());
         Ok(Sensitivity {
@@ -82,11 +83,11 @@ pub(super) fn measure(
 
 /// What of a scene's features a filter's result depends on: the colour, which it
 /// averages, and what the planes that it reads come from.
-pub(super) fn stored(stage: &Gather, raw: &RawScene) -> Vec<(Feature, Quantity)> {
-    let planes = stage.weight.planes();
+pub(super) fn stored(checked: &Checked<'_>, raw: &RawScene) -> Vec<(Feature, Quantity)> {
+    let needs = checked.needs();
     let reads = |(feature, quantity): (Feature, Quantity)| {
         let estimated = !raw.features.contains_key(&(feature, Quantity::Variance));
-        planes.iter().any(|plane: &PlaneId| {
+        needs.named().into_iter().flatten().any(|plane: &PlaneId| {
             plane.feature == feature
                 && match plane.quantity {
                     Quantity::Value | Quantity::Gradient => quantity == Quantity::Value,

@@ -155,6 +155,19 @@ fn the_report_says_what_was_estimated_repaired_and_kept() {
 
     let output = place.run(&["denoise", "room/4spp.exr", "-o", "kept.exr", "--filter", "0"]);
     assert!(stderr(&output).contains("480 pixels (100.0%) kept"), "{}", stderr(&output));
+    // A program's stage is named, and what it has of pixels is counted.
+    let program = "version = 2\nname = \"x\"\n[[stage]]\nname = \"sure\"\ngather = \"color\"\n\
+                   weight = \"1\"\nradius = 1\n[[stage]]\nname = \"none\"\ngrid = \"half\"\n\
+                   gather = \"sure\"\nweight = \"normal[0][i]\"\nradius = 1\n[[stage]]\n\
+                   name = \"result\"\nmap = \"none\"\n";
+    fs::write(place.path("program.toml"), program).expect("writable");
+    for precision in ["standard", "exact"] {
+        let arguments = ["denoise", "room/4spp.exr", "-o", "kept.exr", "--filter", "program.toml"];
+        let output = place.run(&[&arguments[..], &["--precision", precision]].concat());
+        let report = stderr(&output);
+        assert!(report.contains("stage `none`: 60 pixels (50.0%) kept what was"), "{report}");
+        assert!(!report.contains("stage `sure`"), "{report}");
+    }
     let quiet = place.run(&["-q", "denoise", "bad.exr", "-o", "quiet.exr", "--filter", &estimate]);
     assert!(quiet.status.success() && quiet.stderr.is_empty(), "{}", stderr(&quiet));
 }

@@ -1,5 +1,7 @@
 //! `stress`.
 
+use std::fs;
+
 use serde_json::Value;
 
 use crate::place::{EDGE_AWARE, Place, json};
@@ -100,9 +102,36 @@ fn a_sound_filter_is_stable_and_the_same_seed_says_so_in_the_same_words() {
     assert_eq!(refused.map(|b| b["outcome"].as_str()), Some(Some("refused")));
 
     let text = place.done(&["stress", EDGE_AWARE, "--radius", "3"]);
-    for part in ["expression, radius 3, seed 1: stable", "interp", "unpromised", "transposed"] {
+    for part in
+        ["expression, 1 stage, reach 3, seed 1: stable", "interp", "unpromised", "transposed"]
+    {
         assert!(text.contains(part), "no `{part}` in: {text}");
     }
+}
+
+#[test]
+fn a_program_has_a_certificate_with_its_guards_stage_by_stage() {
+    let place = Place::new();
+    let program = "version = 2\nname = \"two\"\n[absent]\nnormal = 0\n[[stage]]\nname = \"first\"\n\
+                   gather = \"color\"\nweight = \"exp(-distance2(normal, normal))\"\nradius = 1\n\
+                   [[stage]]\nname = \"second\"\ngather = \"first\"\nradius = 2\n\
+                   weight = \"exp(-distance2(normal, normal))\"\n[[stage]]\nname = \"result\"\n\
+                   map = \"second / 2 + color / 2\"\n";
+    fs::write(place.path("two.toml"), program).expect("writable");
+    let certificate = certificate(&place, "stable", &["two.toml", "--scenes", "room"]);
+    assert_eq!((&certificate["stages"], &certificate["reach"]), (&3.into(), &3.into()));
+    let scenes = certificate["scenes"].as_array().expect("a list");
+    for scene in scenes {
+        let guards = scene["guards"].as_array().expect("a list").iter();
+        assert!(guards.map(|guards| &guards["stage"]).eq(["first", "second"]), "{scene:#}");
+        assert_eq!(scene["reach"], 3, "programs run whole");
+    }
+    let missing = certificate["behaviour"].as_array().expect("a list").iter();
+    let missing = missing.filter(|b| b["fault"] == "missing" && b["feature"] == "normal");
+    assert!(missing.map(|b| &b["outcome"]).eq(["filtered"]), "something stands in for it");
+    let text = place.done(&["stress", "two.toml"]);
+    assert!(text.contains("two, 3 stages, reach 3, seed 1: stable"), "{text}");
+    place.fails(2, &["stress", "two.toml", "--radius", "3"], &["--radius", "two"]);
 }
 
 #[test]

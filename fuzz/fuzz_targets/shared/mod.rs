@@ -65,7 +65,7 @@ pub(crate) fn passes(bits: u16) -> Passes {
 }
 
 /// Everything that must be the same.
-pub(crate) fn bits(results: &[Filtered]) -> Vec<(usize, Vec<[u32; 3]>)> {
+pub(crate) fn bits(results: &[Filtered]) -> Vec<(Vec<usize>, Vec<[u32; 3]>)> {
     let pixels = |f: &Filtered| f.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
-    results.iter().map(|f| (f.kept, pixels(f))).collect()
+    results.iter().map(|f| (f.kept.clone(), pixels(f))).collect()
 }

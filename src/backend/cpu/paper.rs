@@ -80,7 +80,7 @@ impl Rates {
         let parts: Vec<Vec<Filtered>> = strips
             .par_iter()
             .map_init(Scratch::<S::Scratch>::default, |scratch, &strip| {
-                let noisy = Filtered { pixels: colors(scene, strip), kept: 0 };
+                let noisy = Filtered { pixels: colors(scene, strip), kept: vec![0] };
                 let mut filtered = vec![noisy; self.weights];
                 let stretches = match &changes {
                     Some(changes) => changes.stretches(strip),
@@ -97,11 +97,11 @@ impl Rates {
                 Ok(filtered)
             })
             .collect::<Result<_, BackendError>>()?;
-        let mut filtered = vec![Filtered::default(); self.weights];
+        let mut filtered = vec![Filtered { pixels: Vec::new(), kept: vec![0] }; self.weights];
         for part in parts {
             for (whole, part) in filtered.iter_mut().zip(part) {
                 whole.pixels.extend(part.pixels);
-                whole.kept += part.kept;
+                whole.kept[0] += part.kept[0];
             }
         }
         Ok(filtered)
@@ -267,7 +267,7 @@ impl Rates {
                 if trusted && mean.iter().all(|x| x.is_finite()) {
                     *pixel = mean;
                 } else {
-                    filtered.kept += 1;
+                    filtered.kept[0] += 1;
                 }
             }
         }

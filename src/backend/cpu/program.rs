@@ -171,15 +171,15 @@ impl<E: Engine> Default for Scratch<E> {
 /// A strip under way.
 struct Strip<'a> {
     scene: &'a Scene,
-    /// The rows of the image that the result needs.
-    rows: Range<usize>,
+    /// The part of the image that is filtered.
+    rect: Rect,
     bands: Vec<Band>,
     /// One everywhere, zero beside the image, on the full grid and on the half one.
     ones: [Band; 2],
     /// By kernel: what its rows owe to those below.
     owed: Vec<Owed>,
-    /// Pixels whose weights could not be trusted, of all gathers.
-    kept: usize,
+    /// Pixels whose weights could not be trusted, by stage.
+    kept: Vec<usize>,
 }
 
 impl Strip<'_> {
@@ -253,8 +253,10 @@ where
             .map_init(Scratch::<E>::default, |scratch, (rect, pixels)| {
                 self.strip(scene, rect, pixels, scratch)
             })
-            .collect::<Result<Vec<usize>, BackendError>>()?;
-        Ok(vec![Filtered { pixels, kept: kept.into_iter().sum() }])
+            .collect::<Result<Vec<Vec<usize>>, BackendError>>()?;
+        let stages = 0..self.program.filter.stages.len();
+        let kept = stages.map(|k| kept.iter().map(|strip| strip[k]).sum()).collect();
+        Ok(vec![Filtered { pixels, kept }])
     }
 }
 
@@ -265,7 +267,7 @@ impl<E: Engine> Compiled<E> {
         rect: Rect,
         mut pixels: &mut [[f32; 3]],
         scratch: &mut Scratch<E>,
-    ) -> Result<usize, BackendError> {
+    ) -> Result<Vec<usize>, BackendError> {
         let (layout, program) = (scene.layout(), &self.program);
         let height = layout.height();
         let rows = rect.y..rect.y + rect.height;
@@ -276,11 +278,11 @@ impl<E: Engine> Compiled<E> {
         let zero = Edges { repeated: false, zero: true };
         let mut strip = Strip {
             scene,
-            rows: rows.clone(),
+            rect,
             bands: program.buffers.iter().map(|(plane, edges)| band(plane, edges)).collect(),
             ones: [Grid::Full, Grid::Half].map(|grid| Band::new(on_grid(layout, grid), zero)),
             owed: program.kernels.iter().map(|_| Owed::default()).collect(),
-            kept: 0,
+            kept: vec![0; program.filter.stages.len()],
         };
         let first = program.needed(rows.start..rows.start + 1, height);
         let mut done: Vec<usize> = first.into_iter().map(|rows| rows.start).collect();
@@ -489,8 +491,11 @@ impl<E: Engine> Compiled<E> {
             let magnitude = if kernel.signed { result(count + 1) } else { total };
             let trust = Trust { totals: total, magnitudes: magnitude, trusted: &mut trusted };
             pulp::Arch::new().dispatch(trust);
-            if strip.rows.contains(&(y * step)) {
-                strip.kept += trusted.iter().filter(|&&trusted| !trusted).count();
+            let Rect { x, y: top, width, height } = strip.rect;
+            if (top..top + height).contains(&(y * step)) {
+                let columns = x.div_ceil(step)..(x + width).div_ceil(step);
+                let untrusted = trusted[columns].iter().filter(|&&trusted| !trusted);
+                strip.kept[kernel.stage] += untrusted.count();
             }
             let planes = kernel.channels.iter().zip(&kernel.writes).enumerate();
             let planes = planes.map(|(k, (&own, &(plane, range)))| (k, own, plane, range, false));

@@ -52,7 +52,8 @@ impl Executable for Compiled {
             starts.push(pixels);
             pixels += rect.pixels();
         }
-        let mut filtered = vec![Filtered { pixels: vec![[0.0; 3]; pixels], kept: 0 }; weights];
+        let nothing = Filtered { pixels: vec![[0.0; 3]; pixels], kept: vec![0] };
+        let mut filtered = vec![nothing; weights];
         let mut pending: VecDeque<Pending<'_>> = VecDeque::new();
         for (part, tile) in tiles {
             let needs = needs(&self.shader, self.loads, weights, &tile);
@@ -263,7 +264,7 @@ impl Compiled {
                     let row = row.iter().skip(k).step_by(weights);
                     for (place, &[r, g, b, kept]) in places.iter_mut().zip(row) {
                         *place = [r, g, b];
-                        filtered.kept += usize::from(kept != 0.0);
+                        filtered.kept[0] += usize::from(kept != 0.0);
                     }
                 }
             }

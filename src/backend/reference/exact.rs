@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::meaning;
-use super::oracle::{self, Exact as Pixel};
-use crate::backend::{ACCURACY, TRUSTED_SHARE, TRUSTED_SUM, color_at};
+use super::oracle;
+use crate::backend::{ACCURACY, color_at};
 use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect, inside};
 use crate::expr::Tree;
 use crate::filter::{Filter, Gather};
@@ -53,14 +53,27 @@ impl Executable for Whole {
             return Err(BackendError::NotLoaded(plane));
         }
         // A pixel hangs on all those around it, so that a part takes as long as the whole.
-        let exact = meaning::program(scene, &checked);
+        let exact = meaning::of(scene, &checked);
         let width = scene.layout().width();
+        let inside = |rect: &Rect, [x, y]: [usize; 2]| {
+            (rect.x..rect.x + rect.width).contains(&x)
+                && (rect.y..rect.y + rect.height).contains(&y)
+        };
+        let mut kept = vec![0; self.filter.stages.len()];
+        for gather in &exact.gathers {
+            let grid = self.filter.stages[gather.stage].grid;
+            let (columns, step) = (grid.along(width), grid.step());
+            for (k, _) in gather.sums.iter().enumerate().filter(|(_, sums)| !sums.is_trusted()) {
+                let at = [k % columns, k / columns].map(|n| n * step);
+                kept[gather.stage] += region.iter().filter(|rect| inside(rect, at)).count();
+            }
+        }
         let rows = region.iter().flat_map(|&rect| {
             (rect.y..rect.y + rect.height).map(move |y| (y * width + rect.x, rect.width))
         });
-        let pixels = rows.flat_map(|(start, width)| &exact[start..start + width]);
-        let pixels = pixels.map(|color| color.map(|c| c as f32)).collect();
-        Ok(vec![Filtered { pixels, kept: 0 }])
+        let pixels = rows.flat_map(|(start, width)| &exact.pixels[start..start + width]);
+        let pixels = pixels.map(|pixel| pixel.color.map(|c| c as f32)).collect();
+        Ok(vec![Filtered { pixels, kept }])
     }
 }
 
@@ -101,14 +114,12 @@ fn filter(scene: &Scene, stage: &Gather, region: &[Rect]) -> Filtered {
         })
         .collect();
     let kept = filtered.iter().map(|(_, kept)| kept).sum();
-    Filtered { pixels: filtered.into_iter().flat_map(|(colors, _)| colors).collect(), kept }
+    let pixels = filtered.into_iter().flat_map(|(colors, _)| colors).collect();
+    Filtered { pixels, kept: vec![kept] }
 }
 
 /// The pixel's colour, unless the guard keeps the noisy one.
-fn trusted(exact: &Pixel) -> Option<[f32; 3]> {
-    let total = exact.total.abs();
-    let trusted = total >= f64::from(TRUSTED_SUM)
-        && total >= f64::from(TRUSTED_SHARE) * exact.magnitude
-        && exact.color.iter().all(|c| c.is_finite());
+fn trusted(exact: &oracle::Exact) -> Option<[f32; 3]> {
+    let trusted = exact.sums().is_trusted() && exact.color.iter().all(|c| c.is_finite());
     trusted.then(|| exact.color.map(|c| c as f32))
 }

@@ -1,44 +1,90 @@
-//! The exact meaning of a program, in f64: what back ends are held to.
+//! The exact meaning of a filter on a scene, in f64: what back ends are held to.
 //!
-//! No schedule, no kernel and no tape is involved: every stage is computed at every pixel
-//! of the image, by the meanings of the operator table.
+//! No schedule, no kernel and no tape is involved. What is planned as one weight is left to
+//! the [`oracle`]; of a program every stage is computed at every pixel of the image, by the
+//! meanings of the operator table.
+//!
+//! **Doubt.** Where the weights of a gather all but vanish or cancel, rounding decides
+//! whether its guard acts, and where sums may overflow, so does the order of summation.
+//! Nothing is promised of such a pixel, nor of any that reads it, however little of it.
 
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::oracle::neighbours;
-use crate::backend::{TRUSTED_SHARE, TRUSTED_SUM};
+use super::oracle::{self, DARKEST, Pixel, Sums, neighbours};
+use crate::backend::Rect;
 use crate::expr::builder::LIMIT;
 use crate::expr::evaluate::Evaluator;
 use crate::expr::feature::{Feature, PlaneId};
-use crate::expr::symbol::{Place, Source, StagePlane};
+use crate::expr::symbol::{Place, Source, StagePlane, Symbol};
 use crate::expr::tape::Side;
 use crate::expr::tree::Tree;
 use crate::filter::{Checked, Gather, Grid, Resolved, StageKind};
 use crate::scene::{Facts, Scene};
 
-/// The images of the stages so far.
-struct Images<'a> {
-    filter: &'a Checked<'a>,
-    scene: &'a Scene,
-    facts: Facts,
-    planes: BTreeMap<StagePlane, Vec<f64>>,
+/// What a filter means on a scene.
+#[derive(Clone, Debug)]
+pub struct Meaning {
+    /// The filtered pixels, row by row.
+    pub pixels: Vec<Pixel>,
+    /// The gathers, in the order of the stages.
+    pub gathers: Vec<Weighed>,
+    /// Differences of colours are measured by no less than this.
+    pub darkest: f64,
 }
 
-/// The filtered colour of every pixel, row by row, in the units of the file.
+/// What the guard of a gather decides by.
+#[derive(Clone, Debug)]
+pub struct Weighed {
+    /// The stage, counted from 0.
+    pub stage: usize,
+    /// By pixel of the stage's grid, row by row.
+    pub sums: Vec<Sums>,
+}
+
+/// A filter's meaning on a whole scene.
 ///
 /// # Panics
 /// If the scene was loaded without a plane that the filter needs.
-pub fn program(scene: &Scene, filter: &Checked<'_>) -> Vec<[f64; 3]> {
+pub fn of(scene: &Scene, filter: &Checked<'_>) -> Meaning {
+    match filter.filter().paper() {
+        Some(gather) => weight(scene, gather),
+        None => program(scene, filter),
+    }
+}
+
+fn weight(scene: &Scene, gather: &Gather) -> Meaning {
+    let (width, height) = (scene.layout().width(), scene.layout().height());
+    let row = |y| oracle::filter(scene, gather, Rect { x: 0, y, width, height: 1 });
+    let exact: Vec<oracle::Exact> = (0..height).into_par_iter().flat_map_iter(row).collect();
+    let sums = exact.iter().map(oracle::Exact::sums).collect();
+    Meaning {
+        pixels: exact.iter().map(oracle::Exact::pixel).collect(),
+        gathers: vec![Weighed { stage: 0, sums }],
+        darkest: DARKEST,
+    }
+}
+
+fn program(scene: &Scene, filter: &Checked<'_>) -> Meaning {
     let facts = Facts::of(scene);
-    let mut images = Images { filter, scene, facts, planes: BTreeMap::new() };
+    let (planes, doubts) = (BTreeMap::new(), Vec::new());
+    let mut images = Images { filter, scene, facts, planes, doubts };
+    let mut gathers = Vec::new();
     let stages = &filter.filter().stages;
     for (k, stage) in stages.iter().enumerate() {
         let grid = stage.grid;
         let components = match &stage.kind {
-            StageKind::Map(value) => images.map(value, grid),
-            StageKind::Gather(gather) => images.gather(gather, grid),
+            StageKind::Map(value) => {
+                images.doubts.push(images.doubt_of_map(value, grid));
+                images.map(value, grid)
+            }
+            StageKind::Gather(gather) => {
+                let (components, sums) = images.gather(gather, grid);
+                images.doubts.push(images.doubt_of_gather(gather, grid, &sums));
+                gathers.push(Weighed { stage: k, sums });
+                components
+            }
         };
         let planes = (0..).map(|component| StagePlane { stage: k as u16, component });
         images.planes.extend(planes.zip(components));
@@ -47,7 +93,24 @@ pub fn program(scene: &Scene, filter: &Checked<'_>) -> Vec<[f64; 3]> {
     let result = |component| &images.planes[&StagePlane { stage: last, component }];
     let exposure = f64::from(scene.normalization().exposure);
     let [r, g, b] = [result(0), result(1), result(2)];
-    (0..r.len()).map(|k| [r[k], g[k], b[k]].map(|x| x * exposure)).collect()
+    let doubt = images.doubts.last().expect("there is a stage");
+    let pixel = |k: usize| Pixel {
+        color: [r[k], g[k], b[k]].map(|x| x * exposure),
+        condition: 1.0,
+        least: [exposure; 3],
+        promised: doubt.as_ref().is_none_or(|doubt| !doubt[k]),
+    };
+    Meaning { pixels: (0..r.len()).map(pixel).collect(), gathers, darkest: exposure }
+}
+
+/// The images of the stages so far.
+struct Images<'a> {
+    filter: &'a Checked<'a>,
+    scene: &'a Scene,
+    facts: Facts,
+    planes: BTreeMap<StagePlane, Vec<f64>>,
+    /// By stage and pixel, where nothing is promised; `None` if that is nowhere.
+    doubts: Vec<Option<Vec<bool>>>,
 }
 
 impl Images<'_> {
@@ -55,49 +118,59 @@ impl Images<'_> {
         [self.scene.layout().width(), self.scene.layout().height()].map(|n| grid.along(n))
     }
 
-    /// A plane's value at a pixel of a grid, which may lie beside the image.
-    fn read(&self, source: Source, grid: Grid, at: [i64; 2]) -> f64 {
-        let size = self.size(grid);
-        let [x, y] = [0, 1].map(|axis| at[axis].clamp(0, size[axis] as i64 - 1) as usize);
-        let own = match source {
-            Source::Stage(plane) => self.filter.filter().stages[usize::from(plane.stage)].grid,
-            Source::Feature(_) => Grid::Full,
+    /// The pixels of a grid, each with its share, that stand for a pixel of another one,
+    /// which may lie beside the image.
+    fn around(&self, own: Grid, grid: Grid, at: [i64; 2], mut visit: impl FnMut([usize; 2], f64)) {
+        let (size, end) = (self.size(grid), self.size(own));
+        let inside = |at: i64, end: usize| at.clamp(0, end as i64 - 1);
+        let [x, y] = [0, 1].map(|axis| inside(at[axis], size[axis]));
+        let mut visit = |x, y, share| {
+            visit([inside(x, end[0]) as usize, inside(y, end[1]) as usize], share);
         };
-        let end = self.size(own).map(|n| n as i64 - 1);
-        let at = |x: i64, y: i64| self.pixel(source, x.clamp(0, end[0]), y.clamp(0, end[1]));
-        let [x, y] = [x as i64, y as i64];
         match (own, grid) {
-            (Grid::Full, Grid::Full) | (Grid::Half, Grid::Half) => at(x, y),
-            (Grid::Full, Grid::Half) => match source {
-                // The middle of two pixels, also where there is one.
-                Source::Feature(PlaneId { feature: Feature::Pixel, component, .. }) => {
-                    2.0 * [x, y + self.scene.top() as i64 / 2][usize::from(component)] as f64 + 0.5
+            (Grid::Full, Grid::Full) | (Grid::Half, Grid::Half) => visit(x, y, 1.0),
+            (Grid::Full, Grid::Half) => {
+                for [dx, dy] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
+                    visit(2 * x + dx, 2 * y + dy, 0.25);
                 }
-                Source::Feature(_) | Source::Stage(_) => {
-                    let corners = [[0, 0], [1, 0], [0, 1], [1, 1]];
-                    corners.map(|[dx, dy]| at(2 * x + dx, 2 * y + dy)).iter().sum::<f64>() / 4.0
-                }
-            },
+            }
             (Grid::Half, Grid::Full) => {
                 // The nearest pixel, and the next one to that side.
                 let along = |x: i64| {
                     let other = if x % 2 == 0 { x / 2 - 1 } else { x / 2 + 1 };
                     [(x / 2, 0.75), (other, 0.25)]
                 };
-                let mut value = 0.0;
                 for (y, v) in along(y) {
                     for (x, u) in along(x) {
-                        value += u * v * at(x, y);
+                        visit(x, y, u * v);
                     }
                 }
-                value
             }
         }
     }
 
+    /// A plane's value at a pixel of a grid, which may lie beside the image.
+    fn read(&self, source: Source, grid: Grid, at: [i64; 2]) -> f64 {
+        let own = match source {
+            Source::Stage(plane) => self.filter.filter().stages[usize::from(plane.stage)].grid,
+            // The middle of two pixels, also where there is one.
+            Source::Feature(PlaneId { feature: Feature::Pixel, component, .. })
+                if grid == Grid::Half =>
+            {
+                let axis = usize::from(component);
+                let last = self.size(grid)[axis] as i64 - 1;
+                let top = [0, self.scene.top() as i64 / 2][axis];
+                return 2.0 * (top + at[axis].clamp(0, last)) as f64 + 0.5;
+            }
+            Source::Feature(_) => Grid::Full,
+        };
+        let mut value = 0.0;
+        self.around(own, grid, at, |pixel, share| value += share * self.pixel(source, pixel));
+        value
+    }
+
     /// A plane's value at a pixel of its own grid.
-    fn pixel(&self, source: Source, x: i64, y: i64) -> f64 {
-        let (x, y) = (x as usize, y as usize);
+    fn pixel(&self, source: Source, [x, y]: [usize; 2]) -> f64 {
         match source {
             Source::Stage(plane) => {
                 let grid = self.filter.filter().stages[usize::from(plane.stage)].grid;
@@ -140,9 +213,11 @@ impl Images<'_> {
         stacked(rows.collect(), value.width())
     }
 
-    /// A weighted mean at every pixel, component by component, and its variance.
-    fn gather(&self, gather: &Gather, grid: Grid) -> Vec<Vec<f64>> {
+    /// A weighted mean at every pixel, component by component, and its variance; and what
+    /// its guard decides by.
+    fn gather(&self, gather: &Gather, grid: Grid) -> (Vec<Vec<f64>>, Vec<Sums>) {
         let [width, height] = self.size(grid);
+        let limit = f64::from(LIMIT);
         let of = self.map(&gather.of, grid);
         let variance = gather.variance.as_ref();
         let variance = variance.map(|variance| self.map(variance, grid).swap_remove(0));
@@ -151,9 +226,10 @@ impl Images<'_> {
             let constants = &self.filter.filter().constants;
             let mut evaluator = Evaluator::new(&gather.weight, false, constants);
             let mut row = vec![Vec::with_capacity(width); count];
+            let mut guard = Vec::with_capacity(width);
             for x in 0..width {
                 let mut sums = vec![0.0; count];
-                let (mut total, mut magnitude) = (0.0, 0.0);
+                let (mut total, mut magnitude, mut bound) = (0.0, 0.0, 0.0f64);
                 for [u, v] in neighbours([width, height], gather.window, [x, y]) {
                     let weight = evaluator.run(|source, place| match place {
                         Place::Side(Side::I) => self.read(source, grid, [x as i64, y as i64]),
@@ -161,31 +237,113 @@ impl Images<'_> {
                         Place::Shift(..) => unreachable!("weights look at i and j alone"),
                     })[0];
                     let at = v * width + u;
+                    let mut greatest = weight.abs();
                     for (sum, of) in sums.iter_mut().zip(&of) {
                         *sum += weight * of[at];
+                        greatest = greatest.max((weight * of[at]).abs());
                     }
                     if let Some(variance) = &variance {
-                        let limit = f64::from(LIMIT);
-                        sums[of.len()] += (weight * weight).min(limit) * variance[at];
+                        let part = (weight * weight).min(limit) * variance[at];
+                        sums[of.len()] += part;
+                        greatest = greatest.max(part.abs());
                     }
                     total += weight;
                     magnitude += weight.abs();
+                    bound += greatest;
                 }
-                let trusted =
-                    total.abs() >= f64::from(TRUSTED_SUM).max(f64::from(TRUSTED_SHARE) * magnitude);
+                let greatest = sums.iter().map(|sum| sum.abs()).fold(total.abs(), f64::max);
+                let guarded = Sums { total, magnitude, greatest, bound };
                 for (k, component) in row.iter_mut().enumerate() {
                     let own = of.get(k).or(variance.as_ref()).expect("one of the two");
-                    component.push(match (trusted, k < of.len()) {
+                    component.push(match (guarded.is_trusted(), k < of.len()) {
                         (false, _) => own[y * width + x],
-                        (true, true) => sums[k] / total,
-                        (true, false) => sums[k] / (total * total),
+                        (true, true) => (sums[k] / total).clamp(-limit, limit),
+                        (true, false) => (sums[k] / (total * total)).clamp(-limit, limit),
                     });
                 }
+                guard.push(guarded);
             }
-            row
+            (row, guard)
         });
-        stacked(rows.collect(), count)
+        let (rows, guards): (Vec<_>, Vec<_>) = rows.unzip();
+        (stacked(rows, count), guards.concat())
     }
+
+    /// The doubtful stages that a formula reads, each with where it is looked at.
+    fn doubted(&self, tree: &Tree, map: bool) -> Vec<(usize, Place)> {
+        let looks = tree.symbols().iter().zip(tree.places(map)).filter_map(|(symbol, place)| {
+            let Symbol::Stage(signal) = symbol else { return None };
+            let stage = usize::from(signal.stage);
+            self.doubts[stage].is_some().then_some((stage, place))
+        });
+        let mut looks: Vec<(usize, Place)> = looks.collect();
+        looks.sort_unstable();
+        looks.dedup();
+        looks
+    }
+
+    /// Whether nothing is promised of what a stage gives at a pixel of a grid, which may lie
+    /// beside the image.
+    fn is_doubtful(&self, stage: usize, grid: Grid, at: [i64; 2]) -> bool {
+        let Some(doubt) = &self.doubts[stage] else { return false };
+        let own = self.filter.filter().stages[stage].grid;
+        let width = self.size(own)[0];
+        let mut found = false;
+        self.around(own, grid, at, |[x, y], _| found |= doubt[y * width + x]);
+        found
+    }
+
+    /// Where a formula reads what is in doubt.
+    fn doubt_of_map(&self, value: &Tree, grid: Grid) -> Option<Vec<bool>> {
+        let looks = self.doubted(value, true);
+        if looks.is_empty() {
+            return None;
+        }
+        let width = self.size(grid)[0];
+        let doubtful = |k: usize| {
+            looks.iter().any(|&(stage, place)| {
+                let [dx, dy] = match place {
+                    Place::Side(_) => [0, 0],
+                    Place::Shift(dx, dy) => [i64::from(dx), i64::from(dy)],
+                };
+                let [x, y] = [k % width, k / width].map(|n| n as i64);
+                self.is_doubtful(stage, grid, [x + dx, y + dy])
+            })
+        };
+        some_if_any((0..width * self.size(grid)[1]).map(doubtful).collect())
+    }
+
+    /// Where rounding decides about a gather, or what is in doubt is read.
+    fn doubt_of_gather(&self, gather: &Gather, grid: Grid, sums: &[Sums]) -> Option<Vec<bool>> {
+        let size = self.size(grid);
+        let averaged = [Some(&gather.of), gather.variance.as_ref()].into_iter().flatten();
+        let averaged: Vec<Vec<bool>> =
+            averaged.filter_map(|tree| self.doubt_of_map(tree, grid)).collect();
+        let (own, others): (Vec<_>, Vec<_>) = self
+            .doubted(&gather.weight, false)
+            .into_iter()
+            .partition(|(_, place)| *place == Place::Side(Side::I));
+        let pixel = |(k, sums): (usize, &Sums)| {
+            let at = [k % size[0], k / size[0]];
+            let place = at.map(|n| n as i64);
+            let own = || own.iter().any(|&(stage, _)| self.is_doubtful(stage, grid, place));
+            let read = |at: [usize; 2]| {
+                let place = at.map(|n| n as i64);
+                averaged.iter().any(|doubt| doubt[at[1] * size[0] + at[0]])
+                    || others.iter().any(|&(stage, _)| self.is_doubtful(stage, grid, place))
+            };
+            let certain = averaged.is_empty() && others.is_empty();
+            !sums.is_promised()
+                || sums.may_overflow()
+                || own()
+                || !certain && neighbours(size, gather.window, at).any(read)
+        };
+        some_if_any(sums.iter().enumerate().map(pixel).collect())
+    }
+}
+
+fn some_if_any(doubt: Vec<bool>) -> Option<Vec<bool>> {
+    doubt.contains(&true).then_some(doubt)
 }
 
 /// Rows of components as whole images of components.

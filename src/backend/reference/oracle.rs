@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use crate::backend::{Rect, SMALLEST_SUM, TRUSTED_SHARE, color_at};
+use crate::backend::{Rect, SMALLEST_SUM, TRUSTED_SHARE, TRUSTED_SUM, color_at};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::tape::Side;
 use crate::filter::{Gather, Window};
@@ -24,31 +24,108 @@ pub struct Exact {
     pub magnitude: f64,
 }
 
-/// Darker colours are measured by this: the products that make them are subnormal.
-const DARKEST: f64 = 1e-30;
+/// What the guard of a weighted mean decides by.
+#[derive(Clone, Copy, Debug)]
+pub struct Sums {
+    /// Σ w.
+    pub total: f64,
+    /// Σ |w|.
+    pub magnitude: f64,
+    /// The greatest magnitude of the sums.
+    pub greatest: f64,
+    /// What none of their parts can exceed.
+    pub bound: f64,
+}
 
-impl Exact {
-    /// Whether back ends promise anything of this pixel: its weights do not all but
-    /// vanish, nor cancel so far that rounding decides whether the guard acts.
+impl Sums {
+    /// Whether the mean is used, as far as weights tell.
+    pub fn is_trusted(&self) -> bool {
+        let total = self.total.abs();
+        total >= f64::from(TRUSTED_SUM) && total >= f64::from(TRUSTED_SHARE) * self.magnitude
+    }
+
+    /// Whether back ends promise anything of this mean, unless it [may
+    /// overflow](Self::may_overflow): its weights do not all but vanish, nor cancel so far
+    /// that rounding decides whether the guard acts.
     pub fn is_promised(&self) -> bool {
         let total = self.total.abs();
         let share = 2.0 * f64::from(TRUSTED_SHARE);
         total >= f64::from(SMALLEST_SUM) && total >= share * self.magnitude
     }
 
-    /// How far a computed colour is from this one: the greatest relative difference
-    /// of a channel, divided by the sums' condition. This is what
-    /// [`ACCURACY`](crate::backend::ACCURACY) bounds. A colour that cancelled away is
-    /// measured by what was cancelled; NaN is infinitely far off.
+    /// Whether a sum may be too large for `f32`, so that the guard may act.
+    pub fn may_overflow(&self) -> bool {
+        self.bound > f64::from(f32::MAX)
+    }
+
+    /// Whether a sum is too large for `f32`.
+    pub fn overflows(&self) -> bool {
+        self.greatest > f64::from(f32::MAX)
+    }
+}
+
+/// The exact colour of one pixel, and by what a computed one is judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixel {
+    /// Linear R, G, B in the units of the file.
+    pub color: [f64; 3],
+    /// How many times as large errors may be.
+    pub condition: f64,
+    /// Darker channels are measured by this.
+    pub least: [f64; 3],
+    /// Whether back ends promise anything of it.
+    pub promised: bool,
+}
+
+impl Pixel {
+    /// How far a computed colour is from this one: the greatest relative difference of a
+    /// channel, divided by the condition; NaN is infinitely far off. This is what
+    /// [`ACCURACY`](crate::backend::ACCURACY) bounds.
     pub fn difference(&self, computed: [f32; 3]) -> f64 {
-        let condition = self.magnitude / self.total.abs();
-        let channels = computed.iter().zip(self.color).zip(self.brightest);
-        let differences = channels.map(|((&computed, color), brightest)| {
-            let scale = color.abs().max(brightest * (condition - 1.0)).max(DARKEST);
-            let difference = (f64::from(computed) - color).abs() / (condition * scale);
+        let channels = computed.iter().zip(self.color).zip(self.least);
+        let differences = channels.map(|((&computed, color), least)| {
+            let scale = color.abs().max(least);
+            let difference = (f64::from(computed) - color).abs() / (self.condition * scale);
             if difference.is_nan() { f64::INFINITY } else { difference }
         });
         differences.fold(0.0, f64::max)
+    }
+}
+
+/// Darker colours are measured by this: the products that make them are subnormal.
+pub const DARKEST: f64 = 1e-30;
+
+impl Exact {
+    /// What the guard decides by.
+    pub fn sums(&self) -> Sums {
+        let Self { total, magnitude, .. } = *self;
+        let greatest =
+            self.color.map(|c| (c * total).abs()).into_iter().fold(total.abs(), f64::max);
+        let brightest = self.brightest.into_iter().fold(1.0, f64::max);
+        Sums { total, magnitude, greatest, bound: magnitude * brightest }
+    }
+
+    /// Whether back ends promise anything of this pixel: see [`Sums::is_promised`].
+    pub fn is_promised(&self) -> bool {
+        self.sums().is_promised()
+    }
+
+    /// The colour with what a computed one is judged by: the condition is the sums'. A
+    /// colour that cancelled away is measured by what was cancelled.
+    pub fn pixel(&self) -> Pixel {
+        let condition = self.magnitude / self.total.abs();
+        let sums = self.sums();
+        Pixel {
+            color: self.color,
+            condition,
+            least: self.brightest.map(|c| (c * (condition - 1.0)).max(DARKEST)),
+            promised: sums.is_promised() && !sums.may_overflow(),
+        }
+    }
+
+    /// How far a computed colour is from this one: see [`Pixel::difference`].
+    pub fn difference(&self, computed: [f32; 3]) -> f64 {
+        self.pixel().difference(computed)
     }
 }
 
@@ -108,7 +185,7 @@ pub fn weight(scene: &Scene, stage: &Gather, i: (usize, usize), j: (usize, usize
 fn feature(scene: &Scene, plane: PlaneId, x: usize, y: usize) -> f64 {
     match (plane.feature, plane.component) {
         (Feature::Pixel, 0) => x as f64,
-        (Feature::Pixel, _) => y as f64,
+        (Feature::Pixel, _) => (scene.top() + y) as f64,
         _ => f64::from(scene.plane(plane).expect("the plane is loaded").at(x, y)),
     }
 }

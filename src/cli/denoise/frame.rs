@@ -53,7 +53,7 @@ impl Job<'_> {
         let Denoised { image, chosen, applied, .. } = &filtered.denoised;
         self.form.save(image, &frame.output)?;
         let write = start.elapsed();
-        let Applied { planning, compilation, filtering, .. } = *applied;
+        let &Applied { planning, compilation, filtering, .. } = applied;
         let (width, height) = image.size();
         let taps: usize = chosen.filter.gathers().map(|gather| gather.window.taps()).sum();
         let timings = Timings {
@@ -74,12 +74,17 @@ impl Job<'_> {
         let why = chosen.why.iter().map(|why| format!("{input}: {why}"));
         let notes = notes.iter().map(|note| format!("{input}: {note}"));
         let mut remarks: Vec<String> = why.chain(notes).collect();
-        if *kept > 0 {
+        for (stage, &kept) in chosen.filter.stages.iter().zip(kept).filter(|(_, kept)| **kept > 0) {
+            let (of, what) = match chosen.filter.paper() {
+                Some(_) => (String::new(), "the noisy colour"),
+                None => (format!("stage `{}`: ", stage.name), "what was to be averaged"),
+            };
+            let pixels = stage.grid.along(width) * stage.grid.along(height);
             remarks.push(format!(
-                "{output}: {} ({}) kept the noisy colour: their weights sum to nothing that can \
-                 be trusted",
-                number::plural(*kept, "pixel"),
-                number::percent(*kept, width * height),
+                "{output}: {of}{} ({}) kept {what}: their weights sum to nothing that can be \
+                 trusted",
+                number::plural(kept, "pixel"),
+                number::percent(kept, pixels),
             ));
         }
         remarks.push(format!(

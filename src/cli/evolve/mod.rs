@@ -296,13 +296,14 @@ fn stable_only<'a>(
     let grounds = files.iter().map(read).collect::<Result<Vec<Ground>, Error>>()?;
     let screen = Screen::new(&grounds, window, backend, SEED)?;
     let objection = move |tree: &Tree| {
-        let stage = Gather::of_color(tree.clone(), window);
+        let filter = Filter::of_gather("finalist", Gather::of_color(tree.clone(), window));
+        let checked = filter.check().expect("searches breed weights");
         let engine = Engine {
             name: backend.name().to_owned(),
             backend: Ok(backend),
             precision: Precision::Standard,
         };
-        let certificate = certify("finalist", &stage, &grounds, &[engine], SEED)?;
+        let certificate = certify(&checked, &grounds, &[engine], SEED)?;
         Ok(certificate.objection().map(str::to_owned))
     };
     Ok(Restriction {

@@ -13,22 +13,24 @@ use super::log::Log;
 use super::resolve::resolve;
 use super::{Report, apply, scenes};
 use crate::denoise::DenoiseError;
-use crate::filter::{Filter, Gather, Window};
+use crate::filter::{Filter, Window};
 use crate::image::write_atomically;
 use crate::report::score::json;
 use crate::scene::{LoadOptions, RawScene};
-use crate::stress::{Engine, Ground, SEED, StressError, Verdict, certify, needs};
+use crate::stress::{Engine, Ground, SEED, StressError, Verdict, certify};
 use engines::Opened;
 
 const EXAMPLES: &str = "\
 Examples:
   tamis stress tamis-2
+  tamis stress tamis-3
   tamis stress out/best.toml --scenes data/train data/test
   tamis stress 'exp(-distance2(normal, normal) / 0.1)' --scenes render.exr --json
 
 The filter is tried on small scenes that are made to be difficult, and on the
-scenes given, there with windows of radius 2 at most. It is held to its exact
-meaning in f64 on every back end; its result must not change much with the last
+scenes given, there with windows of radius 2 at most (programs run whole, which
+takes minutes). It is held to its exact meaning in f64 on every back end that
+runs such filters; its result must not change much with the last
 bit of a feature, nor with exposure, the world's unit and place, or the image's
 orientation; and what is missing, constant or no number must do no harm.
 
@@ -79,8 +81,7 @@ pub(super) struct Stress {
 impl Stress {
     pub(super) fn run(&self, log: Log) -> Result<Report, Error> {
         let filter = resolve(&self.filter, self.radius)?;
-        let stage = apply::gather(&filter)?;
-        let grounds = grounds(&self.scenes, stage)?;
+        let grounds = grounds(&self.scenes, &filter)?;
         let opened = engines::open(self.lanes.lanes, self.gpu.as_deref())?;
         for Opened { name, backend, .. } in &opened {
             if let Err(absent) = backend {
@@ -95,7 +96,7 @@ impl Stress {
                 precision: *precision,
             })
             .collect();
-        let certificate = certify(&filter.name, stage, &grounds, &engines, self.seed)
+        let certificate = certify(&apply::checked(&filter), &grounds, &engines, self.seed)
             .map_err(|error| failure(&filter, error))?;
         let text = json(&certificate);
         if let Some(output) = &self.output {
@@ -107,7 +108,7 @@ impl Stress {
 }
 
 /// The scenes that arguments stand for, with what a filter reads of them.
-fn grounds(arguments: &[PathBuf], stage: &Gather) -> Result<Vec<Ground>, Error> {
+fn grounds(arguments: &[PathBuf], filter: &Filter) -> Result<Vec<Ground>, Error> {
     let mut noisy: Vec<PathBuf> = Vec::new();
     for argument in arguments {
         let found = match argument.is_file() {
@@ -123,11 +124,12 @@ fn grounds(arguments: &[PathBuf], stage: &Gather) -> Result<Vec<Ground>, Error> 
             }
         }
     }
-    noisy.iter().map(|path| ground(path, stage)).collect()
+    noisy.iter().map(|path| ground(path, filter)).collect()
 }
 
-fn ground(noisy: &Path, stage: &Gather) -> Result<Ground, Error> {
-    Ok(Ground::real(RawScene::read(noisy, &needs(stage), &LoadOptions::default())?))
+fn ground(noisy: &Path, filter: &Filter) -> Result<Ground, Error> {
+    let needs = apply::needs(filter);
+    Ok(Ground::real(RawScene::read(noisy, &needs, &LoadOptions::default())?))
 }
 
 /// Why there is no certificate, as other commands say it.

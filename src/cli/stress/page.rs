@@ -6,18 +6,21 @@ use crate::report::{Align, Format, Table, number};
 use crate::stress::accuracy::Accuracy;
 use crate::stress::behaviour::{Behaviour, Fault, Outcome};
 use crate::stress::certificate::Certificate;
+use crate::stress::guards::Guards;
 use crate::stress::invariance::{Invariance, Tolerance};
 use crate::stress::sensitivity::{Noise, Sensitivity};
 
 /// Writes it.
 pub(super) fn text(certificate: &Certificate) -> String {
-    let Certificate { filter, radius, seed, verdict, .. } = certificate;
-    let mut page = format!("{filter}, radius {radius}, seed {seed}: {verdict}\n");
+    let Certificate { filter, stages, reach, seed, verdict, .. } = certificate;
+    let stages = number::plural(*stages, "stage");
+    let mut page = format!("{filter}, {stages}, reach {reach}, seed {seed}: {verdict}\n");
     for reason in &certificate.reasons {
         let _ = writeln!(page, "  {}: {}", reason.verdict, reason.text);
     }
     page.push_str(
-        "\nGreatest relative difference from f64, and pixels that the guard kept noisy\n\n",
+        "\nGreatest relative difference from f64, and pixels that guards kept as they were (of \
+         several the most)\n\n",
     );
     page.push_str(&accuracy(certificate));
     page.push_str("\nGreatest relative change of a pixel by noise in one feature\n\n");
@@ -42,7 +45,7 @@ fn figure(x: f64) -> String {
 
 /// A row per scene.
 fn accuracy(certificate: &Certificate) -> String {
-    let mut columns = vec![("scene", Align::Left), ("radius", Align::Right)];
+    let mut columns = vec![("scene", Align::Left), ("reach", Align::Right)];
     columns.extend(certificate.engines.iter().map(|engine| (engine.name.as_str(), Align::Right)));
     let guards = ["vanish", "cancel", "overflow", "unpromised"];
     columns.extend(guards.map(|name| (name, Align::Right)));
@@ -50,13 +53,18 @@ fn accuracy(certificate: &Certificate) -> String {
     for scene in &certificate.scenes {
         let accuracy = scene.accuracy.iter().map(|accuracy| match accuracy {
             Accuracy::Measured(peak) => figure(peak.value),
+            Accuracy::Unsupported { .. } => "not supported".to_owned(),
             Accuracy::Failed { .. } => dash(),
         });
-        let guards = &scene.guards;
-        let counts = [guards.vanished, guards.cancelled, guards.overflowed, guards.unpromised];
-        let shares = counts.map(|count| number::percent(count, scene.pixels));
-        let name = [scene.scene.clone(), scene.radius.to_string()];
-        table.row(name.into_iter().chain(accuracy).chain(shares));
+        let counts: [fn(&Guards) -> usize; 3] = [|g| g.vanished, |g| g.cancelled, |g| g.overflowed];
+        let shares = counts.map(|count| {
+            let share = |g: &&Guards| count(g) as f64 / g.pixels.max(1) as f64;
+            let most = scene.guards.iter().max_by(|a, b| share(a).total_cmp(&share(b)));
+            most.map_or_else(dash, |most| number::percent(count(most), most.pixels))
+        });
+        let unpromised = number::percent(scene.unpromised, scene.pixels);
+        let name = [scene.scene.clone(), scene.reach.to_string()];
+        table.row(name.into_iter().chain(accuracy).chain(shares).chain([unpromised]));
     }
     table.render(Format::Plain)
 }
