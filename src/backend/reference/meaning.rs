@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::oracle::{self, DARKEST, Pixel, Sums, neighbours};
-use crate::backend::Rect;
+use crate::backend::{ACCURACY, Rect};
 use crate::expr::builder::LIMIT;
 use crate::expr::evaluate::Evaluator;
 use crate::expr::feature::{Feature, PlaneId};
@@ -94,13 +94,40 @@ fn program(scene: &Scene, filter: &Checked<'_>) -> Meaning {
     let exposure = f64::from(scene.normalization().exposure);
     let [r, g, b] = [result(0), result(1), result(2)];
     let doubt = images.doubts.last().expect("there is a stage");
+    let field = filter.receptive_field();
+    let size = [scene.layout().width(), scene.layout().height()];
+    let brightest = scene.color().each_ref().map(|channel| {
+        let magnitude = (0..size[1]).flat_map(|y| channel.pixels(y)).map(|c| f64::from(c.abs()));
+        greatest_around(magnitude.collect(), size, field)
+    });
     let pixel = |k: usize| Pixel {
         color: [r[k], g[k], b[k]].map(|x| x * exposure),
         condition: 1.0,
-        least: [exposure; 3],
+        least: brightest.each_ref().map(|channel| exposure.max(channel[k] * LEAKED)),
         promised: doubt.as_ref().is_none_or(|doubt| !doubt[k]),
     };
     Meaning { pixels: (0..r.len()).map(pixel).collect(), gathers, darkest: exposure }
+}
+
+/// The share of the brightest colour in its receptive field that errors of a pixel are
+/// measured by at least, so that what is promised is not less than that one's last bit.
+/// Weights of a far brighter pixel are small powers of e, whose roundings grow with the
+/// exponent: a dark pixel that owes its colour to that one is off by more of its own.
+const LEAKED: f64 = f32::EPSILON as f64 / ACCURACY;
+
+/// Per pixel, the greatest value at most so many rows and columns away.
+fn greatest_around(values: Vec<f64>, [width, height]: [usize; 2], reach: usize) -> Vec<f64> {
+    let along = |values: &[f64], length: usize, step: usize, start: usize, out: &mut [f64]| {
+        for k in 0..length {
+            let window = k.saturating_sub(reach)..(k + reach + 1).min(length);
+            out[start + k * step] =
+                window.map(|j| values[start + j * step]).fold(f64::NEG_INFINITY, f64::max);
+        }
+    };
+    let (mut rows, mut both) = (values.clone(), values.clone());
+    (0..height).for_each(|y| along(&values, width, 1, y * width, &mut rows));
+    (0..width).for_each(|x| along(&rows, height, width, x, &mut both));
+    both
 }
 
 /// The images of the stages so far.
