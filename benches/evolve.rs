@@ -95,8 +95,8 @@ impl Way {
 
 /// What is compared.
 fn ways() -> Vec<Way> {
-    let converged = false;
-    let symmetric = Passes { converged, ..Passes::ALL };
+    let uniform = false;
+    let symmetric = Passes { uniform, ..Passes::ALL };
     let supported = Passes { symmetry: false, ..symmetric };
     let fast = Passes { precision: Precision::Fast, ..symmetric };
     let plain = Passes { support: false, ..supported };
@@ -230,7 +230,7 @@ fn rates(ways: &[Way], base: usize, trees: &[Tree], extent: &Extent) {
 
 /// How many expressions to compile into one program.
 fn together(trees: &[Tree], extent: &Extent) {
-    let passes = Passes { converged: false, ..Passes::ALL };
+    let passes = Passes { uniform: false, ..Passes::ALL };
     let way = |together: usize| Way::jit(format!("{together} together"), passes, together);
     rates(&[1, 8, 16, 32, 64].map(way), 0, trees, extent);
 }

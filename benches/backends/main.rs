@@ -136,7 +136,7 @@ fn error(scene: &Scene, weight: &Tree, code: &dyn Executable) -> f64 {
 
 /// What `export` makes of a weight: one tape, for any scene.
 fn exported_plan(weight: &Tree, radius: u32, precision: Precision) -> WindowPlan {
-    let passes = Passes { rate: false, symmetry: false, precision, ..Passes::ALL };
+    let passes = Passes { hoist: false, symmetry: false, precision, ..Passes::ALL };
     let weights = std::slice::from_ref(weight);
     WindowPlan::new(weights, Window::dense(radius), &Facts::of_any_scene(), passes)
         .expect("any scene has what the grammar knows")
@@ -275,7 +275,7 @@ impl Setting {
         let supplies: Vec<Supply<'_>> = self.training.iter().map(Supply::new).collect();
         let as_machine_code = || {
             let window = Window::dense(BREEDING_RADIUS);
-            let passes = Passes { converged: false, precision, ..Passes::ALL };
+            let passes = Passes { uniform: false, precision, ..Passes::ALL };
             let plan = Plan::new(std::slice::from_ref(weight), window, &self.joint, passes);
             let plan = plan.expect("the training scenes have every feature");
             let code = self.widest().compile(&plan).expect("a plan of moderate size");

@@ -6,7 +6,7 @@
 use std::time::{Duration, Instant};
 
 use tamis_jit::{
-    Body, Border, Chains, Compiler, Features, Job, Lanes, Layout, Rect, Run, Side, Width,
+    Body, Border, Chains, Compiler, CpuFeatures, Job, Lanes, Layout, Rect, Run, Side, Width,
     WindowSpec,
 };
 
@@ -134,7 +134,7 @@ fn measure<B: Body>(
     let job = Job { layout, planes: &planes, runs: &runs, taps: &taps, rect: Rect::all(&layout) };
     let pairs = (SIZE * SIZE * taps.len() * weights) as f64;
 
-    let widths = Width::ALL.into_iter().filter(|&width| Features::of_host().allow(width));
+    let widths = Width::ALL.into_iter().filter(|&width| CpuFeatures::of_host().allow(width));
     for (width, chains) in widths.flat_map(|width| Chains::ALL.map(|chains| (width, chains))) {
         let compiler = Compiler::with_width(width)?;
         let compile = (0..ROUNDS)

@@ -1,4 +1,4 @@
-//! From a [`Body`] to a [`Kernel`]: the choice of code generator and instruction
+//! From a [`Body`] to a [`Routine`]: the choice of code generator and instruction
 //! set, and the way through Cranelift.
 
 use std::any::Any;
@@ -13,11 +13,11 @@ use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
 
 use crate::cranelift::{Assembler, Emulation};
 use crate::error::CompileError;
-use crate::kernel::Kernel;
+use crate::kernel::Routine;
 use crate::lanes::Body;
 #[cfg(target_arch = "x86_64")]
 use crate::wide;
-use crate::width::{Features, Width};
+use crate::width::{CpuFeatures, Width};
 use crate::window::{self, WindowSpec};
 
 /// How many vectors side by side a kernel computes.
@@ -72,7 +72,7 @@ impl Compiler {
     ///
     /// [`CompileError::Host`] where there is no code generator for the processor.
     pub fn host() -> Result<Self, CompileError> {
-        Self::with_features(Features::of_host())
+        Self::with_features(CpuFeatures::of_host())
     }
 
     /// A compiler for this machine as if it had no more than these instruction sets,
@@ -81,8 +81,8 @@ impl Compiler {
     /// # Errors
     ///
     /// As for [`host`](Self::host).
-    pub fn with_features(features: Features) -> Result<Self, CompileError> {
-        let features = features.and(Features::of_host());
+    pub fn with_features(features: CpuFeatures) -> Result<Self, CompileError> {
+        let features = features.and(CpuFeatures::of_host());
         Self::new(features.widest(), features)
     }
 
@@ -93,14 +93,14 @@ impl Compiler {
     /// As for [`host`](Self::host), and [`CompileError::Width`] where the
     /// processor has no such vectors.
     pub fn with_width(width: Width) -> Result<Self, CompileError> {
-        match Features::of_host() {
+        match CpuFeatures::of_host() {
             features if features.allow(width) => Self::new(width, features),
             _ => Err(CompileError::Width(width)),
         }
     }
 
     /// One for `features` that this machine has, and that allow `width`.
-    fn new(width: Width, features: Features) -> Result<Self, CompileError> {
+    fn new(width: Width, features: CpuFeatures) -> Result<Self, CompileError> {
         let generator = match width {
             #[cfg(target_arch = "x86_64")]
             Width::Bits256 | Width::Bits512 => Generator::Wide(width),
@@ -140,17 +140,17 @@ impl Compiler {
         spec: WindowSpec,
         chains: Option<Chains>,
         body: &B,
-    ) -> Result<Kernel, CompileError> {
+    ) -> Result<Routine, CompileError> {
         spec.check()?;
         caught(|| match &self.generator {
             Generator::Cranelift(isa) => {
                 let chains = chains.unwrap_or(Chains::Four);
                 let context = Context::for_function(emit(isa.as_ref(), spec, chains, body)?);
-                Kernel::install(isa.clone(), context, spec, chains)
+                Routine::install(isa.clone(), context, spec, chains)
             }
             #[cfg(target_arch = "x86_64")]
             Generator::Wide(width) => {
-                Kernel::map(&wide::compile(spec, *width, chains, body)?, spec)
+                Routine::map(&wide::compile(spec, *width, chains, body)?, spec)
             }
         })
     }
@@ -194,7 +194,7 @@ fn emit_chains<B: Body, const N: usize>(
 }
 
 /// Cranelift for this machine, as if it had no more than `features`.
-fn host_isa(features: Features) -> Result<OwnedTargetIsa, CompileError> {
+fn host_isa(features: CpuFeatures) -> Result<OwnedTargetIsa, CompileError> {
     // The flags of x86-64 that count are in `features`; those of others are Cranelift's
     // to find out.
     let builder = cranelift_native::builder_with_options(!cfg!(target_arch = "x86_64"));

@@ -13,7 +13,7 @@ use crate::window::WindowSpec;
 
 /// Makes the machine code that [`Compiler`](crate::Compiler) makes on another
 /// processor, with Cranelift's verifier on. What comes out are bytes: only a
-/// [`Kernel`](crate::Kernel) runs, and only where it was compiled.
+/// [`Routine`](crate::Routine) runs, and only where it was compiled.
 ///
 /// Of other architectures than this machine's it knows those that the features of
 /// `cranelift-codegen` name.

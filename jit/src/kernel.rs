@@ -39,7 +39,7 @@ enum Entry {
 /// Machine code for one [`WindowSpec`] and one [`Body`](crate::Body).
 ///
 /// Threads can run one kernel at the same time, on rectangles of their own.
-pub struct Kernel {
+pub struct Routine {
     entry: Entry,
     spec: WindowSpec,
     step: usize,
@@ -50,7 +50,7 @@ pub struct Kernel {
     _memory: Memory,
 }
 
-impl Kernel {
+impl Routine {
     /// Compiles the function in `context`, which follows the convention of
     /// [`Call`] for `spec` and so many chains, and puts it into executable memory.
     pub(crate) fn install(
@@ -209,9 +209,9 @@ impl Kernel {
     }
 }
 
-impl fmt::Debug for Kernel {
+impl fmt::Debug for Routine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Kernel")
+        f.debug_struct("Routine")
             .field("spec", &self.spec)
             .field("step", &self.step)
             .field("code_bytes", &self.code_bytes)

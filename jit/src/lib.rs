@@ -2,7 +2,7 @@
 //!
 //! Someone who knows what a weight w(i, j) *is* writes it once as a [`Body`],
 //! against the instructions of [`Lanes`]; a [`Compiler`] turns it into a
-//! [`Kernel`] that runs it over a window around every pixel. This crate knows no
+//! [`Routine`] that runs it over a window around every pixel. This crate knows no
 //! operator and no filter, only instructions and loops.
 //!
 //! ```
@@ -64,7 +64,7 @@
 //!   ([`Compiler::emulated`]), and other architectures ([`CrossCompiler`]).
 //! - [`Layout`], [`Run`], [`Job`]: the data; mirrored kernels, which use every
 //!   weight at both ends of its pair, are explained at [`WindowSpec::mirrored`].
-//! - [`Kernel`]: running it. Safe with any data: all that machine code relies on
+//! - [`Routine`]: running it. Safe with any data: all that machine code relies on
 //!   is checked before it starts.
 //! - [`CompileError`], [`ShapeError`]: what can go wrong.
 
@@ -85,9 +85,9 @@ mod window;
 pub use compiler::{Chains, Compiler};
 pub use cross::CrossCompiler;
 pub use error::{CompileError, ShapeError};
-pub use kernel::Kernel;
+pub use kernel::Routine;
 pub use lanes::{Body, Lanes, Side};
 pub use scalar::Scalar;
 pub use shape::{Border, Job, Layout, MirrorShape, OutputShape, Rect, Run};
-pub use width::{Features, Width};
+pub use width::{CpuFeatures, Width};
 pub use window::WindowSpec;

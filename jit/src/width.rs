@@ -16,7 +16,7 @@ pub enum Width {
 /// The instruction sets of an x86-64 processor that code generators ask for, beyond
 /// SSE2, which each has. On other processors there are none of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Features {
+pub struct CpuFeatures {
     /// SSE4.1 and the two sets before it: rounding and selection in one instruction.
     pub sse41: bool,
     /// Vectors of floats with three operands.
@@ -29,7 +29,7 @@ pub struct Features {
     pub avx512f: bool,
 }
 
-impl Features {
+impl CpuFeatures {
     /// What this processor and its operating system offer.
     pub fn of_host() -> Self {
         #[cfg(target_arch = "x86_64")]
@@ -145,13 +145,13 @@ mod tests {
 
     #[test]
     fn the_choice_follows_the_features() {
-        let all = Features { sse41: true, avx: true, avx2: true, fma: true, avx512f: true };
+        let all = CpuFeatures { sse41: true, avx: true, avx2: true, fma: true, avx512f: true };
         assert_eq!(all.widest(), Width::Bits512);
-        assert_eq!(Features { avx512f: false, ..all }.widest(), Width::Bits256);
-        assert_eq!(Features { avx2: false, ..all }.widest(), Width::Bits128);
-        assert_eq!(Features { fma: false, ..all }.widest(), Width::Bits128);
-        assert_eq!(Features::default().widest(), Width::Bits128);
-        assert_eq!(all.and(Features::default()), Features::default());
+        assert_eq!(CpuFeatures { avx512f: false, ..all }.widest(), Width::Bits256);
+        assert_eq!(CpuFeatures { avx2: false, ..all }.widest(), Width::Bits128);
+        assert_eq!(CpuFeatures { fma: false, ..all }.widest(), Width::Bits128);
+        assert_eq!(CpuFeatures::default().widest(), Width::Bits128);
+        assert_eq!(all.and(CpuFeatures::default()), CpuFeatures::default());
         assert_eq!(all.and(all), all);
     }
 }

@@ -3,7 +3,8 @@
 //! `scripts/emulated` runs all tests on other processors.
 
 use tamis_jit::{
-    Body, Chains, CompileError, Compiler, CrossCompiler, Features, Lanes, Side, Width, WindowSpec,
+    Body, Chains, CompileError, Compiler, CpuFeatures, CrossCompiler, Lanes, Side, Width,
+    WindowSpec,
 };
 
 /// Every instruction once, for so many weights.
@@ -67,7 +68,7 @@ fn x86_64_of_every_age_calls_nothing() {
     for pair in ages.windows(2) {
         assert!(pair[0].iter().zip(&pair[1]).all(|(old, new)| old > new), "{ages:?}");
     }
-    // The flags that `Features` does not know make no difference.
+    // The flags that `CpuFeatures` does not know make no difference.
     let rest = ["has_sse42", "has_popcnt", "has_lzcnt", "has_bmi1", "has_bmi2"];
     let wide = ["has_avx512f", "has_avx512dq", "has_avx512vl", "has_avx512vbmi"];
     let avx2 = [&fma[..], &["has_avx2"]].concat();
@@ -96,11 +97,11 @@ fn a_panic_inside_cranelift_is_an_error() {
 #[cfg(target_arch = "x86_64")]
 fn what_is_lacking_is_emulated() {
     let emulated = |features| Compiler::with_features(features).expect("it needs less").emulated();
-    let sse41 = Features { sse41: true, ..Features::default() };
-    assert_eq!(emulated(Features::default()), ["fused multiply-add", "rounding"]);
+    let sse41 = CpuFeatures { sse41: true, ..CpuFeatures::default() };
+    assert_eq!(emulated(CpuFeatures::default()), ["fused multiply-add", "rounding"]);
     // An encoding that AVX has and SSE has not is what fused instructions are in.
-    let lesser = [sse41, Features { avx: true, ..sse41 }, Features { fma: true, ..sse41 }];
-    for features in lesser.into_iter().filter(|f| f.and(Features::of_host()) == *f) {
+    let lesser = [sse41, CpuFeatures { avx: true, ..sse41 }, CpuFeatures { fma: true, ..sse41 }];
+    for features in lesser.into_iter().filter(|f| f.and(CpuFeatures::of_host()) == *f) {
         assert_eq!(emulated(features), ["fused multiply-add"]);
     }
 }
@@ -108,8 +109,8 @@ fn what_is_lacking_is_emulated() {
 /// Asking for more than there is gets what there is.
 #[test]
 fn features_are_those_of_the_host_at_most() {
-    let all = Features { sse41: true, avx: true, avx2: true, fma: true, avx512f: true };
+    let all = CpuFeatures { sse41: true, avx: true, avx2: true, fma: true, avx512f: true };
     let widest = |features| Compiler::with_features(features).expect("a host").width();
-    assert_eq!(widest(all), Features::of_host().widest());
-    assert_eq!(widest(Features::default()), Width::Bits128);
+    assert_eq!(widest(all), CpuFeatures::of_host().widest());
+    assert_eq!(widest(CpuFeatures::default()), Width::Bits128);
 }

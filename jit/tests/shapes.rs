@@ -1,7 +1,7 @@
 //! Data that do not fit, and bodies that do not keep their word, are refused.
 
 use tamis_jit::{
-    Body, Border, Chains, CompileError, Compiler, Job, Kernel, Lanes, Layout, Rect, Run,
+    Body, Border, Chains, CompileError, Compiler, Job, Lanes, Layout, Rect, Routine, Run,
     ShapeError, Side, Width, WindowSpec,
 };
 
@@ -31,7 +31,7 @@ impl Body for Reads {
     }
 }
 
-fn compile(spec: WindowSpec, body: &impl Body) -> Result<Kernel, CompileError> {
+fn compile(spec: WindowSpec, body: &impl Body) -> Result<Routine, CompileError> {
     // Eight pixels per step, whatever the host.
     let compiler =
         Compiler::with_width(Width::Bits128).expect("the tests need a host with machine code");
@@ -237,6 +237,6 @@ fn a_panic_costs_one_kernel() {
 #[test]
 fn kernels_are_shared_between_threads() {
     fn shared<T: Send + Sync>() {}
-    shared::<Kernel>();
+    shared::<Routine>();
     shared::<Compiler>();
 }

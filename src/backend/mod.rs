@@ -34,7 +34,7 @@ pub use cpu::Jit;
 pub use gpu::Gpu;
 pub use reference::Exact;
 #[cfg(feature = "jit")]
-pub use tamis_jit::{Chains, Features, Width};
+pub use tamis_jit::{Chains, CpuFeatures, Width};
 
 /// Sums of weights (in magnitude) below this are treated as zero: with weights
 /// so small, products with dark colours are subnormal and carry no precision.

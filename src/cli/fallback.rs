@@ -72,7 +72,7 @@ impl Backend for Fallback {
         match self.first.compile(plan) {
             Ok(first) => {
                 let (plan, behind) = (plan.clone(), self.behind.clone());
-                Ok(Box::new(Compiled { first, plan, behind }))
+                Ok(Box::new(GuardedCode { first, plan, behind }))
             }
             Err(BackendError::Unsupported { .. }) => self.behind.second.compile(plan),
             Err(error) => {
@@ -84,13 +84,13 @@ impl Backend for Fallback {
 }
 
 /// A plan compiled by the first back end.
-struct Compiled {
+struct GuardedCode {
     first: Box<dyn Executable>,
     plan: Plan,
     behind: Arc<Behind>,
 }
 
-impl Executable for Compiled {
+impl Executable for GuardedCode {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
         if self.behind.failed.load(Ordering::Relaxed) {
             return self.behind.run(&self.plan, scene, region);

@@ -1,6 +1,6 @@
 //! What the search minimises.
 
-use super::individual::Verdict;
+use super::individual::Judgement;
 use super::race::{Entrant, Ruling};
 use crate::expr::Tree;
 
@@ -55,7 +55,7 @@ pub trait Fitness: Sync {
     /// A race in which everybody is judged in full.
     fn judge_all(&self, entrants: &[Entrant<'_>]) -> Result<Vec<Ruling>, Self::Error> {
         let trees: Vec<Tree> = entrants.iter().map(|entrant| entrant.tree.clone()).collect();
-        let ruling = |value| Ruling { verdict: Verdict::Full(value), work: self.work() };
+        let ruling = |value| Ruling { verdict: Judgement::Full(value), work: self.work() };
         Ok(self.evaluate(&trees)?.into_iter().map(ruling).collect())
     }
 

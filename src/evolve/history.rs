@@ -1,4 +1,4 @@
-//! The course of a run: a row per generation and island.
+//! The progress of a run: a row per generation and island.
 
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +38,7 @@ pub struct Row {
 
 /// What a row says of the whole run.
 #[derive(Clone, Copy)]
-pub(super) struct Course {
+pub(super) struct Progress {
     pub(super) evaluations: usize,
     pub(super) memo_hits: usize,
     pub(super) work: Work,
@@ -50,7 +50,7 @@ impl Row {
         generation: u32,
         island: usize,
         population: &[Individual],
-        course: Course,
+        progress: Progress,
     ) -> Self {
         let best = best(population);
         let mut ranked: Vec<f64> = population.iter().map(|i| i.fitness).collect();
@@ -63,9 +63,9 @@ impl Row {
             median: ranked[ranked.len() / 2],
             best_nodes: best.tree.len(),
             mean_nodes: nodes as f64 / population.len() as f64,
-            evaluations: course.evaluations,
-            memo_hits: course.memo_hits,
-            work: course.work,
+            evaluations: progress.evaluations,
+            memo_hits: progress.memo_hits,
+            work: progress.work,
             expression: best.tree.clone(),
         }
     }
@@ -103,15 +103,15 @@ pub fn csv(rows: &[Row]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evolve::individual::Verdict;
+    use crate::evolve::individual::Judgement;
 
     #[test]
     fn a_row_has_a_cell_per_column() {
         let population = [("1", f64::INFINITY), ("pow(1, 1)", 0.5)]
-            .map(|(text, f)| Individual::new(text.parse().unwrap(), Verdict::Full(f)));
+            .map(|(text, f)| Individual::new(text.parse().unwrap(), Judgement::Full(f)));
         let work = Work { done: 5, exhaustive: 14 };
-        let course = Course { evaluations: 7, memo_hits: 2, work };
-        let csv = csv(&[Row::new(3, 1, &population, course)]);
+        let progress = Progress { evaluations: 7, memo_hits: 2, work };
+        let csv = csv(&[Row::new(3, 1, &population, progress)]);
         assert_eq!(
             csv,
             "generation,island,best,median,best_nodes,mean_nodes,evaluations,memo_hits,work,\

@@ -9,14 +9,14 @@ use crate::expr::Tree;
 
 /// What came of a race for one entrant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Verdict {
+pub enum Judgement {
     /// It was judged in full: its fitness.
     Full(f64),
     /// It was dropped: an estimate of its fitness, no better than the bar's.
     Dropped(f64),
 }
 
-impl Verdict {
+impl Judgement {
     /// What it is selected by.
     pub fn value(self) -> f64 {
         match self {
@@ -50,13 +50,13 @@ pub struct Individual {
 
 impl Individual {
     /// An expression with the verdict on it.
-    pub fn new(tree: Tree, verdict: Verdict) -> Self {
+    pub fn new(tree: Tree, verdict: Judgement) -> Self {
         Self { tree, fitness: verdict.value(), full: verdict.is_full() }
     }
 
     /// The verdict on it.
-    pub fn verdict(&self) -> Verdict {
-        if self.full { Verdict::Full(self.fitness) } else { Verdict::Dropped(self.fitness) }
+    pub fn verdict(&self) -> Judgement {
+        if self.full { Judgement::Full(self.fitness) } else { Judgement::Dropped(self.fitness) }
     }
 }
 
@@ -91,11 +91,11 @@ mod tests {
     #[test]
     fn at_equal_fitness_the_smaller_tree_is_better_and_an_estimate_worse() {
         let [small, large, best, hopeless, dropped] = [
-            ("1", Verdict::Full(2.0)),
-            ("exp(1)", Verdict::Full(2.0)),
-            ("exp(1)", Verdict::Full(1.0)),
-            ("1", Verdict::Full(f64::INFINITY)),
-            ("1", Verdict::Dropped(2.0)),
+            ("1", Judgement::Full(2.0)),
+            ("exp(1)", Judgement::Full(2.0)),
+            ("exp(1)", Judgement::Full(1.0)),
+            ("1", Judgement::Full(f64::INFINITY)),
+            ("1", Judgement::Dropped(2.0)),
         ]
         .map(|(text, verdict)| Individual::new(text.parse().unwrap(), verdict));
         let mut all = [&hopeless, &dropped, &large, &small, &best];

@@ -4,7 +4,7 @@ use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::canonical::canonical;
-use super::individual::{Individual, Verdict};
+use super::individual::{Individual, Judgement};
 use super::race::{Bar, Entrant};
 use crate::expr::Tree;
 
@@ -13,7 +13,7 @@ use crate::expr::Tree;
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(from = "Vec<Individual>", into = "Vec<Individual>")]
 pub struct Memo {
-    known: FxHashMap<Tree, Verdict>,
+    known: FxHashMap<Tree, Judgement>,
 }
 
 /// An expression to be judged, and the weakest of the bars that the islands on
@@ -37,7 +37,7 @@ impl Newcomer<'_> {
 impl Memo {
     /// The verdict on an expression, if it or a variant of it with operands
     /// exchanged has been judged.
-    pub fn get(&self, tree: &Tree) -> Option<Verdict> {
+    pub fn get(&self, tree: &Tree) -> Option<Judgement> {
         self.known.get(&canonical(tree)).copied()
     }
 
@@ -60,8 +60,8 @@ impl Memo {
         }
         newcomers.retain(|newcomer| match self.known.get(&newcomer.tree) {
             None => true,
-            Some(Verdict::Full(_)) => false,
-            Some(&Verdict::Dropped(value)) => newcomer.bar.is_none_or(|bar| bar.fitness > value),
+            Some(Judgement::Full(_)) => false,
+            Some(&Judgement::Dropped(value)) => newcomer.bar.is_none_or(|bar| bar.fitness > value),
         });
         newcomers
     }
@@ -114,24 +114,24 @@ mod tests {
         let mut memo = Memo::default();
         let missing = memo.missing([(&ba, None), (&ab, None), (&one, None)]);
         assert_eq!(missing, [&ab, &one].map(|t| Newcomer { tree: t.clone(), bar: None }));
-        memo.insert(Individual::new(ab, Verdict::Full(3.0)));
-        assert_eq!(memo.get(&ba), Some(Verdict::Full(3.0)));
+        memo.insert(Individual::new(ab, Judgement::Full(3.0)));
+        assert_eq!(memo.get(&ba), Some(Judgement::Full(3.0)));
         assert!(memo.missing([(&ba, None)]).is_empty());
     }
 
     #[test]
     fn an_expression_meets_the_weaker_bar_and_races_again_for_a_weaker_one_only() {
         let [tree, bar] = ["2", "1"].map(|text| text.parse::<Tree>().unwrap());
-        let bars = [1.0, 3.0].map(|f| Individual::new(bar.clone(), Verdict::Full(f)));
+        let bars = [1.0, 3.0].map(|f| Individual::new(bar.clone(), Judgement::Full(f)));
         let mut memo = Memo::default();
         let missing = memo.missing([(&tree, Some(&bars[1])), (&tree, Some(&bars[0]))]);
         assert_eq!(missing, [Newcomer { tree: tree.clone(), bar: Some(&bars[1]) }]);
         assert_eq!(memo.missing([(&tree, Some(&bars[1])), (&tree, None)])[0].bar, None);
-        assert!(memo.insert(Individual::new(tree.clone(), Verdict::Dropped(2.0))));
+        assert!(memo.insert(Individual::new(tree.clone(), Judgement::Dropped(2.0))));
         assert!(memo.missing([(&tree, Some(&bars[0]))]).is_empty());
         assert_eq!(memo.missing([(&tree, Some(&bars[1]))]).len(), 1);
         assert_eq!(memo.missing([(&tree, None)]).len(), 1);
-        assert!(!memo.insert(Individual::new(tree, Verdict::Full(2.0))));
+        assert!(!memo.insert(Individual::new(tree, Judgement::Full(2.0))));
         assert_eq!((memo.len(), memo.dropped()), (1, 0));
     }
 }

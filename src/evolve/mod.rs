@@ -87,7 +87,7 @@ pub use error::Error;
 pub use event::Event;
 pub use fitness::Fitness;
 pub use images::{Coverage, ImageFitness, JudgeError, Restriction, TrainingScene};
-pub use individual::{Individual, Verdict};
+pub use individual::{Individual, Judgement};
 pub use race::{Bar, Entrant, Ruling, Work};
 pub use search::{Finalist, Outcome, Search};
 pub use settings::{MutationWeights, Preset, Racing, Settings};

@@ -13,7 +13,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::canonical::canonical;
-use super::individual::{Individual, Verdict};
+use super::individual::{Individual, Judgement};
 use crate::expr::Tree;
 
 /// What an expression has to beat.
@@ -38,7 +38,7 @@ pub struct Entrant<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ruling {
     /// The verdict.
-    pub verdict: Verdict,
+    pub verdict: Judgement,
     /// Work done on this entrant, in the unit of [`Fitness::work`](super::Fitness::work).
     pub work: u64,
 }

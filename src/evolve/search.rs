@@ -10,8 +10,8 @@ use super::control::{Control, Ending, Watch};
 use super::error::Error;
 use super::event::Event;
 use super::fitness::Fitness;
-use super::history::{Course, Row};
-use super::individual::{Individual, Verdict};
+use super::history::{Progress, Row};
+use super::individual::{Individual, Judgement};
 use super::islands::{Population, migrate};
 use super::materials::Materials;
 use super::memo::Newcomer;
@@ -289,13 +289,13 @@ impl<'a, F: Fitness> Search<'a, F> {
             migrate(&mut state.islands);
         }
         state.next = generation + 1;
-        let course = Course {
+        let progress = Progress {
             evaluations: self.state.memo.len(),
             memo_hits: self.memo_hits(),
             work: self.state.work,
         };
         let islands = self.state.islands.iter().enumerate();
-        let rows = islands.map(|(island, p)| Row::new(generation, island, p, course));
+        let rows = islands.map(|(island, p)| Row::new(generation, island, p, progress));
         self.state.history.extend(rows);
     }
 
@@ -308,7 +308,7 @@ impl<'a, F: Fitness> Search<'a, F> {
         let mut ranked: Vec<(Individual, f64)> = members
             .iter()
             .zip(values)
-            .map(|(m, full)| (Individual::new(m.tree.clone(), Verdict::Full(full)), m.fitness))
+            .map(|(m, full)| (Individual::new(m.tree.clone(), Judgement::Full(full)), m.fitness))
             .collect();
         ranked.sort_by(|(a, _), (b, _)| a.cmp(b));
         let finalist = |(judged, bred): (Individual, f64)| Finalist {

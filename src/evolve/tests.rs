@@ -73,11 +73,11 @@ impl Fitness for Regression {
         let ruling = |entrant: &Entrant<'_>| {
             let Entrant { tree, bar } = *entrant;
             self.note(tree);
-            let full = |work| Ruling { verdict: Verdict::Full(self.error(tree)), work };
+            let full = |work| Ruling { verdict: Judgement::Full(self.error(tree)), work };
             let Some(bar) = bar else { return full(8) };
             let excess = self.squares(tree, 4) - self.squares(bar.tree, 4);
             if excess > 0.5 {
-                Ruling { verdict: Verdict::Dropped(bar.fitness + excess), work: 1 }
+                Ruling { verdict: Judgement::Dropped(bar.fitness + excess), work: 1 }
             } else {
                 full(9)
             }

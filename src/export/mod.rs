@@ -111,7 +111,7 @@ impl<'a> Subject<'a> {
             return Err(ExportError::Stages { filter: name.to_owned(), stages });
         };
         // In one piece: a compiler moves what does not depend on the pair itself.
-        let passes = Passes { rate: false, symmetry: false, precision, ..Passes::ALL };
+        let passes = Passes { hoist: false, symmetry: false, precision, ..Passes::ALL };
         let plan =
             WindowPlan::new(std::slice::from_ref(weight), *window, &Facts::of_any_scene(), passes)
                 .map_err(|source| ExportError::Plan { filter: name.to_owned(), source })?;

@@ -2,7 +2,7 @@
 //! back end accepts.
 //!
 //! ```text
-//!   trees ──merge──▶ trees ──lower──▶ one tape ──rate──▶ tap tape    (per offset)
+//!   trees ──merge──▶ trees ──lower──▶ one tape ─hoist──▶ tap tape    (per offset)
 //!                     ▲ │                ▲           ├─▶ pixel tape  (per pixel)
 //!                ranges │         facts, fold,       └─▶ pair tape   (per pair)
 //!                    support      share, ranges,
@@ -18,12 +18,12 @@
 //! it may rely on what is promised below and contains no policy of its own.
 
 mod fuse;
+mod hoist;
 mod kernel;
 mod lower;
 mod merge;
 mod passes;
 mod precision;
-mod rate;
 mod schedule;
 mod support;
 mod symmetry;
@@ -40,13 +40,13 @@ use crate::expr::tree::Tree;
 use crate::filter::{Checked, Window};
 use crate::scene::facts::{Fact, Facts};
 
+pub use hoist::Tapes;
 pub use kernel::{
     BoxKernel, Columns, Edges, GatherKernel, Kernel, Look, MapKernel, ResampleKernel,
 };
 pub use lower::Read;
 pub use passes::{PASSES, PassRow, Passes};
 pub use precision::Precision;
-pub use rate::Tapes;
 pub use schedule::{Output, Program};
 pub use taps::{Run, Taps};
 pub use window::WindowPlan;

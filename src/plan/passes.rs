@@ -19,13 +19,13 @@ pub struct Passes {
     /// Products and sums are fused, constant divisors become reciprocals.
     pub contract: bool,
     /// What does not depend on the pair leaves the window loop.
-    pub rate: bool,
+    pub hoist: bool,
     /// Taps whose weight is proved to be zero are left out.
     pub support: bool,
     /// Every pair of pixels is computed once, for both of its ends.
     pub symmetry: bool,
     /// Pixels whose window holds one colour keep it.
-    pub converged: bool,
+    pub uniform: bool,
     /// Maps that stand side by side become one.
     pub inline: bool,
     /// Means by equal weights are sums down columns and then along rows.
@@ -41,8 +41,9 @@ pub struct PassRow {
     pub name: &'static str,
     /// What it does, in one line.
     pub doc: &'static str,
-    /// Whether results with and without it are equal bit for bit. The others
-    /// agree to within rounding.
+    /// Whether results with and without it are equal bit for bit, as long as `separate` is
+    /// off: which means it takes can hang on what `share` finds equal. The others agree to
+    /// within rounding.
     pub exact: bool,
     switch: fn(&mut Passes) -> &mut bool,
 }
@@ -86,10 +87,10 @@ pub const PASSES: &[PassRow] = &[
         switch: |p| &mut p.contract,
     },
     PassRow {
-        name: "rate",
+        name: "hoist",
         doc: "what does not depend on the pair of pixels leaves the window loop",
         exact: true,
-        switch: |p| &mut p.rate,
+        switch: |p| &mut p.hoist,
     },
     PassRow {
         name: "support",
@@ -104,10 +105,10 @@ pub const PASSES: &[PassRow] = &[
         switch: |p| &mut p.symmetry,
     },
     PassRow {
-        name: "converged",
+        name: "uniform",
         doc: "pixels whose window holds one colour keep it",
         exact: false,
-        switch: |p| &mut p.converged,
+        switch: |p| &mut p.uniform,
     },
     PassRow {
         name: "inline",
@@ -132,10 +133,10 @@ impl Passes {
         share: true,
         ranges: true,
         contract: true,
-        rate: true,
+        hoist: true,
         support: true,
         symmetry: true,
-        converged: true,
+        uniform: true,
         inline: true,
         separate: true,
         precision: Precision::Standard,
@@ -149,10 +150,10 @@ impl Passes {
         share: false,
         ranges: false,
         contract: false,
-        rate: false,
+        hoist: false,
         support: false,
         symmetry: false,
-        converged: false,
+        uniform: false,
         inline: false,
         separate: false,
         precision: Precision::Standard,

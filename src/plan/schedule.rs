@@ -8,7 +8,7 @@
 //!
 //! A map is one kernel. A gather is up to three: a map for what it averages, unless that
 //! stands in a buffer already; a map for what its weight computes per pixel (the pass
-//! `rate`); and the loop over its window. What is read on another grid than it stands on
+//! `hoist`); and the loop over its window. What is read on another grid than it stands on
 //! goes through a kernel that halves or doubles it. Each stage is lowered with what is
 //! known of those before it, so that a value that is the same everywhere is a constant to
 //! whoever reads it, and is not stored. Neighbouring maps become one (the pass `inline`).

@@ -5,7 +5,7 @@
 //! its distances with its mirror image. What that costs is memory: every tap adds
 //! to the sums of pixel j, which are no longer in registers.
 
-use super::rate::Tapes;
+use super::hoist::Tapes;
 use super::taps::Taps;
 use crate::expr::tape::{Instr, Prim, Tape};
 

@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 use super::{Passes, PlanError, Read, Tapes, Taps, assumed, feature_range};
-use super::{lower, merge, rate, support, symmetry};
+use super::{hoist, lower, merge, support, symmetry};
 use crate::expr::builder::Builder;
 use crate::expr::constants::Constants;
 use crate::expr::feature::PlaneId;
@@ -33,7 +33,7 @@ pub struct WindowPlan {
     tapes: Tapes,
     mirrored: Option<Tapes>,
     signed: bool,
-    converged: bool,
+    uniform: bool,
     channels: usize,
     reads: Vec<Read>,
 }
@@ -148,12 +148,12 @@ impl WindowPlan {
         let both = both.map(|results| b.clone().finish(&results));
         let tape = b.finish(&results);
         let signed = tape.results().iter().any(|&r| tape.range(r).lo < 0.0);
-        let tapes = rate::split(&tape, passes.rate, false);
-        let mirrored = both.map(|tape| rate::split(&tape, passes.rate, true));
+        let tapes = hoist::split(&tape, passes.hoist, false);
+        let mirrored = both.map(|tape| hoist::split(&tape, passes.hoist, true));
         let sums = if squared { channels } else { channels * weights.len() };
         let mirrored = mirrored.filter(|mirrored| symmetry::pays(&tapes, mirrored, sums, &taps));
         let reads = reads.into_inner();
-        let (converged, facts) = (passes.converged, Facts::default());
+        let (uniform, facts) = (passes.uniform, Facts::default());
         Ok(Self {
             expressions,
             facts,
@@ -162,7 +162,7 @@ impl WindowPlan {
             tapes,
             mirrored,
             signed,
-            converged,
+            uniform,
             channels,
             reads,
         })
@@ -243,8 +243,8 @@ impl WindowPlan {
     }
 
     /// Whether pixels may be left as they are whose window holds one colour.
-    pub fn skips_converged(&self) -> bool {
-        self.converged
+    pub fn skips_uniform(&self) -> bool {
+        self.uniform
     }
 
     /// The planes that are read at every pixel. Scenes must also have those that

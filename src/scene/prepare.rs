@@ -1,7 +1,7 @@
 //! From raw features to the planes of a [`Scene`]: repair, bounds, scales, normalised
 //! values, what is derived from them, padding. In that order.
 //!
-//! Features are taken from wherever they are ([`Features`]) and planes given to whoever
+//! Features are taken from wherever they are ([`MendedFeatures`]) and planes given to whoever
 //! keeps them, so that scenes in memory and [spilled](super::SpilledScene) ones are made by
 //! the same steps.
 
@@ -104,7 +104,7 @@ impl RawScene {
 }
 
 /// Where features are that were mended.
-pub(super) trait Features: Sync {
+pub(super) trait MendedFeatures: Sync {
     /// The components of a quantity, row by row without padding; `None` if there is none.
     ///
     /// # Errors
@@ -116,7 +116,7 @@ pub(super) trait Features: Sync {
     ) -> Result<Option<Cow<'_, [Vec<f32>]>>, SceneError>;
 }
 
-impl Features for RawScene {
+impl MendedFeatures for RawScene {
     fn get(
         &self,
         feature: Feature,
@@ -134,7 +134,10 @@ pub(super) struct Scales {
 }
 
 impl Scales {
-    pub(super) fn of(features: &dyn Features, color_scale: ColorScale) -> Result<Self, SceneError> {
+    pub(super) fn of(
+        features: &dyn MendedFeatures,
+        color_scale: ColorScale,
+    ) -> Result<Self, SceneError> {
         let exposure = match features.get(Feature::Color, Quantity::Value)?.as_deref() {
             Some([r, g, b]) => exposure([r, g, b]),
             _ => 1.0,
@@ -147,7 +150,7 @@ impl Scales {
 /// Centre and extent, and which pixels hit something.
 type Visible = (Option<[f32; 3]>, Option<f32>, Vec<bool>);
 
-fn visible(features: &dyn Features) -> Result<Visible, SceneError> {
+fn visible(features: &dyn MendedFeatures) -> Result<Visible, SceneError> {
     let value = |feature| features.get(feature, Quantity::Value);
     let depth = value(Feature::Depth)?;
     if let Some(position) = value(Feature::WorldPosition)? {
@@ -171,7 +174,7 @@ fn visible(features: &dyn Features) -> Result<Visible, SceneError> {
 
 /// Makes planes.
 pub(super) struct Maker<'a> {
-    pub(super) features: &'a dyn Features,
+    pub(super) features: &'a dyn MendedFeatures,
     pub(super) scales: &'a Scales,
     pub(super) layout: Layout,
 }

@@ -17,7 +17,7 @@ use super::mend::{Findings, Mender};
 use super::normalize::Normalization;
 use super::note::Note;
 use super::plane::{Edge, Layout, Plane, Samples};
-use super::prepare::{Features, Maker, Scales};
+use super::prepare::{Maker, MendedFeatures, Scales};
 use super::raw::{Origin, Request, notes};
 use super::scratch::Scratch;
 use super::{LoadOptions, Needs, Scene, SceneError};
@@ -284,7 +284,7 @@ impl Raw {
     }
 }
 
-impl Features for Raw {
+impl MendedFeatures for Raw {
     fn get(
         &self,
         feature: Feature,

@@ -9,7 +9,7 @@ use crate::backend::BackendError;
 
 /// A scene, and how back ends did on it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Scene {
+pub struct SceneAccuracy {
     /// Its name.
     pub scene: String,
     /// Where it comes from.
@@ -45,7 +45,7 @@ pub enum Accuracy {
     },
 }
 
-impl Scene {
+impl SceneAccuracy {
     /// Has everybody filter the scene.
     pub(super) fn of(trial: &Trial<'_>, engines: &[Engine<'_>]) -> Self {
         let width = trial.scene.layout().width();

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::accuracy::Scene;
+use super::accuracy::SceneAccuracy;
 use super::behaviour::Behaviour;
 use super::invariance::Invariance;
 use super::sensitivity::Sensitivity;
@@ -30,7 +30,7 @@ pub struct Certificate {
     /// What ran the filter.
     pub engines: Vec<EngineEntry>,
     /// Accuracy and guards, scene by scene.
-    pub scenes: Vec<Scene>,
+    pub scenes: Vec<SceneAccuracy>,
     /// What noise does: per scene, feature and kind of noise.
     pub sensitivity: Vec<Sensitivity>,
     /// What units and orientation do: per scene and change.

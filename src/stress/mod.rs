@@ -138,7 +138,7 @@ pub fn certify(
     let mut certificate = Certificate::new(checked, engines, seed);
     for (k, ground) in made.iter().chain(real).enumerate() {
         let trial = Trial::new(ground, checked, backend)?;
-        certificate.scenes.push(accuracy::Scene::of(&trial, engines));
+        certificate.scenes.push(accuracy::SceneAccuracy::of(&trial, engines));
         if ground.kind != Kind::Extreme {
             let stream = adversary::Stream { seed, scene: k as u64 };
             certificate.sensitivity.extend(sensitivity::measure(&trial, backend, stream)?);

@@ -141,7 +141,7 @@ fn test_scenes(filters: &[(String, Tree)], radius: u32, step: usize) {
         for (filter, weight) in filters {
             let window = Window::dense(radius);
             let stage = Gather::of_color(weight.clone(), window);
-            let exact: Vec<oracle::Exact> =
+            let exact: Vec<oracle::ExactGather> =
                 rows.par_iter().flat_map(|&row| oracle::filter(&scene, &stage, row)).collect();
             left_out += exact.iter().filter(|exact| !exact.is_promised()).count();
             for ((engine, precision), worst) in engines.iter().zip(&mut worst) {

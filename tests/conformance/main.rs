@@ -20,7 +20,7 @@ use libtest_mimic::Arguments;
 use tamis::backend::Chains;
 use tamis::backend::gpu::{Gpu, Options, adapters};
 use tamis::backend::shader::Loads;
-use tamis::backend::{Backend, Exact, Features, Interpreter, Jit, Width};
+use tamis::backend::{Backend, CpuFeatures, Exact, Interpreter, Jit, Width};
 use tamis::plan::Precision;
 
 use harness::{is_required, trial};
@@ -46,10 +46,10 @@ static GPU_WITHOUT_TABLE: Opened =
     LazyLock::new(|| open(Options { tap_table: false, ..Options::default() }));
 
 /// x86-64 processors without fused multiply-add, from the first ones on.
-const SSE2: Features =
-    Features { sse41: false, avx: false, avx2: false, fma: false, avx512f: false };
-const SSE41: Features = Features { sse41: true, ..SSE2 };
-const AVX: Features = Features { avx: true, ..SSE41 };
+const SSE2: CpuFeatures =
+    CpuFeatures { sse41: false, avx: false, avx2: false, fma: false, avx512f: false };
+const SSE41: CpuFeatures = CpuFeatures { sse41: true, ..SSE2 };
+const AVX: CpuFeatures = CpuFeatures { avx: true, ..SSE41 };
 
 /// With the width that each takes.
 const PROCESSOR: &[(&str, Option<Width>, &Opened)] = &[
@@ -62,7 +62,7 @@ const PROCESSOR: &[(&str, Option<Width>, &Opened)] = &[
     ("jit_512_of_two_chains", Some(Width::Bits512), &JIT_512_OF_TWO_CHAINS),
 ];
 /// Machine code as on processors that lack instructions.
-const OLDER: &[(&str, Features, &Opened)] =
+const OLDER: &[(&str, CpuFeatures, &Opened)] =
     &[("jit_sse2", SSE2, &JIT_SSE2), ("jit_sse41", SSE41, &JIT_SSE41), ("jit_avx", AVX, &JIT_AVX)];
 const GPUS: &[(&str, &Opened)] = &[
     ("gpu", &GPU),
@@ -76,7 +76,7 @@ fn jit(width: Width, chains: Chains) -> Box<dyn Backend + Send> {
     Box::new(Jit::with_width(width).expect("the host has it").with_chains(chains))
 }
 
-fn older(features: Features) -> Box<dyn Backend + Send> {
+fn older(features: CpuFeatures) -> Box<dyn Backend + Send> {
     Box::new(Jit::with_features(features).expect("it needs no more than the host has"))
 }
 
@@ -94,12 +94,12 @@ fn main() -> ExitCode {
 
     let mut trials = Vec::new();
     let processor = PROCESSOR.iter().map(|&(name, width, opened)| {
-        let lacking = width.is_some_and(|width| !Features::of_host().allow(width));
+        let lacking = width.is_some_and(|width| !CpuFeatures::of_host().allow(width));
         (name, lacking, opened)
     });
     let older = OLDER.iter().map(|&(name, features, opened)| {
         let lacking =
-            !cfg!(target_arch = "x86_64") || features.and(Features::of_host()) != features;
+            !cfg!(target_arch = "x86_64") || features.and(CpuFeatures::of_host()) != features;
         (name, lacking, opened)
     });
     let gpus = GPUS.iter().map(|&(name, opened)| (name, absent, opened));

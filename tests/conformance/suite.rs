@@ -72,7 +72,7 @@ fn color(scene: &Scene, x: i64, y: i64) -> [f32; 3] {
 }
 
 /// Whether the square around the taps that count holds one colour only.
-fn is_converged(plan: &WindowPlan, scene: &Scene, x: i64, y: i64) -> bool {
+fn is_uniform(plan: &WindowPlan, scene: &Scene, x: i64, y: i64) -> bool {
     let reach = i64::from(plan.support().reach());
     let (width, height) = (scene.layout().width() as i64, scene.layout().height() as i64);
     let along = |at: i64, end: i64| (at - reach).max(0)..(at + reach + 1).min(end);
@@ -95,7 +95,7 @@ fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
     let mut filtered = vec![Filtered { pixels: Vec::new(), kept: vec![0] }; weights];
     for y in 0..height as i64 {
         for x in 0..width as i64 {
-            if plan.skips_converged() && is_converged(plan, scene, x, y) {
+            if plan.skips_uniform() && is_uniform(plan, scene, x, y) {
                 for filtered in &mut filtered {
                     filtered.pixels.push(color(scene, x, y));
                 }
@@ -493,7 +493,7 @@ fn any_trees_on_extreme_numbers(backend: &dyn Backend) {
 
 fn a_constant_image_stays_constant(backend: &dyn Backend) {
     let scene = fixture::constant_color(30, 9, [0.25, 3.0, 1e-4]);
-    let filtered_all_the_same = Passes { converged: false, ..Passes::ALL };
+    let filtered_all_the_same = Passes { uniform: false, ..Passes::ALL };
     for known in codebook::known() {
         let name = known.name;
         let weights = std::slice::from_ref(&known.weight);

@@ -35,7 +35,7 @@ fn numbered(k: usize, weight: &str, window: Window) -> Filter {
 fn plan(filter: &Filter, precision: Precision) -> WindowPlan {
     let stage = filter.paper().expect("one gather");
     // Exports filter every pixel.
-    let passes = Passes { rate: false, converged: false, precision, ..Passes::ALL };
+    let passes = Passes { hoist: false, uniform: false, precision, ..Passes::ALL };
     let weights = std::slice::from_ref(&stage.weight);
     WindowPlan::new(weights, stage.window, &Facts::of_any_scene(), passes).expect("a sound filter")
 }

@@ -1,6 +1,8 @@
 //! The windowed sum as plain loops over [`Scalar`] lanes.
 
-use tamis_jit::{Body, Chains, CompileError, Compiler, Features, Job, Scalar, Width, WindowSpec};
+use tamis_jit::{
+    Body, Chains, CompileError, Compiler, CpuFeatures, Job, Scalar, Width, WindowSpec,
+};
 
 /// All results of one pixel, in the order of [`WindowSpec::result`].
 fn pixel<B: Body>(spec: &WindowSpec, body: &B, job: &Job<'_>, x: usize, y: usize) -> Vec<f32> {
@@ -62,9 +64,9 @@ pub(crate) fn compilers() -> Vec<Compiler> {
         Err(CompileError::Width(_)) if width != Width::Bits128 => None,
         made => Some(made.expect("the tests need a host with machine code")),
     };
-    let sse2 = Features::default();
-    let sse41 = Features { sse41: true, ..sse2 };
-    let lesser = [sse2, sse41, Features { avx: true, ..sse41 }];
+    let sse2 = CpuFeatures::default();
+    let sse41 = CpuFeatures { sse41: true, ..sse2 };
+    let lesser = [sse2, sse41, CpuFeatures { avx: true, ..sse41 }];
     // Elsewhere than on x86-64 there are no such processors.
     let lesser = lesser.into_iter().filter(|_| cfg!(target_arch = "x86_64"));
     let lesser = lesser.map(|features| Compiler::with_features(features).expect("it needs less"));

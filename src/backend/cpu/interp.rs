@@ -4,7 +4,7 @@ use super::block::{
     Arg, BLOCK, Block as Sums, Chunk, LANES, Program, Slots, accumulate, accumulate_magnitude,
 };
 use super::paper::{CHANNELS, Rates, run, tapes};
-use super::program::{Compiled, Engine, MapBlock, Mapper};
+use super::program::{Engine, MapBlock, Mapper, ProgramCode};
 use super::sums::{Frame, Summer, Taps};
 use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
 use crate::expr::tape::{Input, Side};
@@ -51,7 +51,7 @@ impl Backend for Interpreter {
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
         let plan = match plan {
             Plan::Window(plan) => plan,
-            Plan::Program(program) => return Ok(Box::new(Compiled::new(self, program)?)),
+            Plan::Program(program) => return Ok(Box::new(ProgramCode::new(self, program)?)),
         };
         let pair = Pair {
             program: Program::new(&tapes(plan).pair),

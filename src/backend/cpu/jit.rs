@@ -1,7 +1,7 @@
 //! Machine code: a pair tape written into the lane assembler of `tamis-jit`,
 //! one match over the primitives.
 
-use tamis_jit::{Body, Chains, Compiler, Features, Job, Kernel, Lanes, Width, WindowSpec};
+use tamis_jit::{Body, Chains, Compiler, CpuFeatures, Job, Lanes, Routine, Width, WindowSpec};
 
 use super::paper::{CHANNELS, Rates, tapes};
 use super::program::{self, Engine, MapBlock, Mapper};
@@ -42,7 +42,7 @@ impl Jit {
     ///
     /// # Errors
     /// As for [`new`](Self::new).
-    pub fn with_features(features: Features) -> Result<Self, BackendError> {
+    pub fn with_features(features: CpuFeatures) -> Result<Self, BackendError> {
         Ok(Self::with(Compiler::with_features(features)?))
     }
 
@@ -69,7 +69,7 @@ impl Jit {
     }
 }
 
-struct Compiled {
+struct WindowCode {
     plan: WindowPlan,
     rates: Rates,
     pair: Pair,
@@ -77,7 +77,7 @@ struct Compiled {
 
 /// A compiled pair tape.
 pub(super) struct Pair {
-    kernel: Kernel,
+    kernel: Routine,
     /// The planes that the kernel reads after its channels.
     planes: Vec<PlaneId>,
 }
@@ -85,7 +85,7 @@ pub(super) struct Pair {
 /// A compiled map: a window of one tap, whose weights are the results and whose only
 /// channel is one.
 pub(super) struct Map {
-    kernel: Kernel,
+    kernel: Routine,
 }
 
 impl Engine for Jit {
@@ -167,17 +167,19 @@ impl Backend for Jit {
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
         let plan = match plan {
             Plan::Window(plan) => plan,
-            Plan::Program(program) => return Ok(Box::new(program::Compiled::new(self, program)?)),
+            Plan::Program(program) => {
+                return Ok(Box::new(program::ProgramCode::new(self, program)?));
+            }
         };
         let planes = planes(&tapes(plan).pair);
         let body = TapeBody { tape: &tapes(plan).pair, planes: &planes, channels: CHANNELS };
         let kernel = self.compiler.compile(spec(plan, &planes), self.chains, &body)?;
         let pair = Pair { kernel, planes };
-        Ok(Box::new(Compiled { plan: (**plan).clone(), rates: Rates::new(plan), pair }))
+        Ok(Box::new(WindowCode { plan: (**plan).clone(), rates: Rates::new(plan), pair }))
     }
 }
 
-impl Executable for Compiled {
+impl Executable for WindowCode {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
         self.rates.run(&self.plan, &self.pair, scene, region)
     }
@@ -393,8 +395,8 @@ mod tests {
     fn price_of_older_processors() {
         use crate::scene::{LoadOptions, Needs};
 
-        let sse41 = Features { sse41: true, ..Features::default() };
-        let older = [Features { avx: true, ..sse41 }, sse41, Features::default()];
+        let sse41 = CpuFeatures { sse41: true, ..CpuFeatures::default() };
+        let older = [CpuFeatures { avx: true, ..sse41 }, sse41, CpuFeatures::default()];
         let jits = [Jit::with_width(Width::Bits128)]
             .into_iter()
             .chain(older.map(Jit::with_features))

@@ -6,7 +6,6 @@
 
 mod band;
 mod block;
-mod converged;
 mod interp;
 #[cfg(feature = "jit")]
 mod jit;
@@ -16,6 +15,7 @@ mod paper;
 mod program;
 mod rows;
 mod sums;
+mod uniform;
 
 pub use interp::Interpreter;
 #[cfg(feature = "jit")]

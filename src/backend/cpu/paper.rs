@@ -6,8 +6,8 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use super::block::{Arg, BLOCK, LANES, Program, Slots};
-use super::converged::Changes;
 use super::sums::{Frame, Scratch, SumShape, Summer, Sums};
+use super::uniform::Changes;
 use crate::backend::{
     BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, holds, inside,
 };
@@ -40,7 +40,7 @@ pub(super) struct Rates {
     tap: Program,
     pixel: Program,
     weights: usize,
-    converged: bool,
+    uniform: bool,
 }
 
 /// A part of a strip whose sums were made.
@@ -48,7 +48,7 @@ pub(super) struct Rates {
 struct Stretch<'a> {
     rect: Rect,
     strip: Rect,
-    /// If converged pixels are to be left as they are: where they are.
+    /// If pixels of uniform windows are to be left as they are: where they are.
     changes: Option<&'a Changes>,
 }
 
@@ -60,7 +60,7 @@ impl Rates {
             tap: Program::new(&tapes.tap),
             pixel: Program::new(&tapes.pixel),
             weights: plan.weights(),
-            converged: plan.skips_converged(),
+            uniform: plan.skips_uniform(),
         }
     }
 
@@ -76,7 +76,7 @@ impl Rates {
         inside(scene, region)?;
         let strips = self.strips(region);
         let frame = self.gather(plan, scene, &strips)?;
-        let changes = if self.converged { Changes::of(scene, self.sums.reach) } else { None };
+        let changes = if self.uniform { Changes::of(scene, self.sums.reach) } else { None };
         let parts: Vec<Vec<Filtered>> = strips
             .par_iter()
             .map_init(Scratch::<S::Scratch>::default, |scratch, &strip| {
@@ -253,13 +253,13 @@ impl Rates {
             };
             let [r, g, b, total] = [0, 1, 2, 3].map(result);
             let magnitude = if signed { result(CHANNELS) } else { total };
-            let converged = |k: usize| {
-                changes.is_some_and(|changes| changes.is_converged(rect.x + k, rect.y + row))
+            let uniform = |k: usize| {
+                changes.is_some_and(|changes| changes.is_uniform(rect.x + k, rect.y + row))
             };
             let pixels = &mut filtered.pixels[row * strip.width + rect.x - strip.x..];
             for (k, pixel) in pixels[..rect.width].iter_mut().enumerate() {
                 // Which pixels were computed beside others is nobody's business.
-                if converged(k) {
+                if uniform(k) {
                     continue;
                 }
                 let trusted = total[k].abs() >= TRUSTED_SUM.max(TRUSTED_SHARE * magnitude[k]);

@@ -106,7 +106,7 @@ struct Reader {
 }
 
 /// A program in executable form.
-pub(super) struct Compiled<E: Engine> {
+pub(super) struct ProgramCode<E: Engine> {
     program: Program,
     codes: Vec<Code<E>>,
     /// Where a plane stands among a strip's.
@@ -115,7 +115,7 @@ pub(super) struct Compiled<E: Engine> {
     traffic: Vec<(usize, Vec<Reader>)>,
 }
 
-impl<E: Engine> Compiled<E> {
+impl<E: Engine> ProgramCode<E> {
     pub(super) fn new(engine: &E, program: &Program) -> Result<Self, BackendError> {
         let codes = program.kernels.iter().map(|kernel| {
             Ok(match kernel {
@@ -215,7 +215,7 @@ fn on_grid(layout: Layout, grid: Grid) -> Layout {
     }
 }
 
-impl<E: Engine> Executable for Compiled<E>
+impl<E: Engine> Executable for ProgramCode<E>
 where
     E::Map: Send + Sync,
     E::Gather: Send + Sync,
@@ -260,7 +260,7 @@ where
     }
 }
 
-impl<E: Engine> Compiled<E> {
+impl<E: Engine> ProgramCode<E> {
     fn strip(
         &self,
         scene: &Scene,

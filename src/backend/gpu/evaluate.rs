@@ -19,7 +19,7 @@ const BATCH: usize = 1 << 20;
 
 #[derive(Template)]
 #[template(path = "evaluate.wgsl", escape = "none")]
-struct Kernel {
+struct EvaluateTemplate {
     inputs: usize,
     workgroup: usize,
     functions: String,
@@ -41,7 +41,7 @@ pub(super) fn evaluate(
             unreachable!("elementwise tapes read PerPixel values")
         }
     });
-    let kernel = Kernel {
+    let kernel = EvaluateTemplate {
         inputs: inputs.len(),
         workgroup: WORKGROUP,
         functions: functions(&lines, dialect),

@@ -207,7 +207,7 @@ impl Backend for Gpu {
         let table = tap_table(plan, shader.tap_quads);
         let usage = wgpu::BufferUsages::STORAGE;
         let taps = device.filled("the table of offsets", bytemuck::cast_slice(&table), usage)?;
-        Ok(Box::new(run::Compiled {
+        Ok(Box::new(run::ShaderCode {
             gpu: self.0.clone(),
             plan: (**plan).clone(),
             loads: style.loads,

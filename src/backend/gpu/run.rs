@@ -20,7 +20,7 @@ const WORK: u64 = 40_000_000_000;
 const PARAMS_STRIDE: usize = 256;
 
 /// A plan as a pipeline.
-pub(super) struct Compiled {
+pub(super) struct ShaderCode {
     pub(super) gpu: Arc<Opened>,
     pub(super) plan: WindowPlan,
     pub(super) loads: Loads,
@@ -39,7 +39,7 @@ struct Pending<'a> {
     submission: wgpu::SubmissionIndex,
 }
 
-impl Executable for Compiled {
+impl Executable for ShaderCode {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
         holds(self.plan.facts(), scene)?;
         inside(scene, region)?;
@@ -76,7 +76,7 @@ impl Executable for Compiled {
     }
 }
 
-impl Compiled {
+impl ShaderCode {
     fn weights(&self) -> usize {
         self.plan.pair().results().len()
     }

@@ -119,7 +119,7 @@ fn filter(scene: &Scene, stage: &Gather, region: &[Rect]) -> Filtered {
 }
 
 /// The pixel's colour, unless the guard keeps the noisy one.
-fn trusted(exact: &oracle::Exact) -> Option<[f32; 3]> {
+fn trusted(exact: &oracle::ExactGather) -> Option<[f32; 3]> {
     let trusted = exact.sums().is_trusted() && exact.color.iter().all(|c| c.is_finite());
     trusted.then(|| exact.color.map(|c| c as f32))
 }

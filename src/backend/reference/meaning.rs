@@ -57,10 +57,10 @@ pub fn of(scene: &Scene, filter: &Checked<'_>) -> Meaning {
 fn weight(scene: &Scene, gather: &Gather) -> Meaning {
     let (width, height) = (scene.layout().width(), scene.layout().height());
     let row = |y| oracle::filter(scene, gather, Rect { x: 0, y, width, height: 1 });
-    let exact: Vec<oracle::Exact> = (0..height).into_par_iter().flat_map_iter(row).collect();
-    let sums = exact.iter().map(oracle::Exact::sums).collect();
+    let exact: Vec<oracle::ExactGather> = (0..height).into_par_iter().flat_map_iter(row).collect();
+    let sums = exact.iter().map(oracle::ExactGather::sums).collect();
     Meaning {
-        pixels: exact.iter().map(oracle::Exact::pixel).collect(),
+        pixels: exact.iter().map(oracle::ExactGather::pixel).collect(),
         gathers: vec![Weighed { stage: 0, sums }],
         darkest: DARKEST,
     }

@@ -13,7 +13,7 @@ use crate::scene::Scene;
 
 /// The exact colour of one pixel, with what is needed to judge a rounded one.
 #[derive(Clone, Copy, Debug)]
-pub struct Exact {
+pub struct ExactGather {
     /// Σ c·w / Σ w per channel.
     pub color: [f64; 3],
     /// The greatest |c| in the window, per channel.
@@ -95,7 +95,7 @@ impl Pixel {
 /// Darker colours are measured by this: the products that make them are subnormal.
 pub const DARKEST: f64 = 1e-30;
 
-impl Exact {
+impl ExactGather {
     /// What the guard decides by.
     pub fn sums(&self) -> Sums {
         let Self { total, magnitude, .. } = *self;
@@ -130,7 +130,7 @@ impl Exact {
 }
 
 /// How far a scene's filtered pixels, row by row, are from exact: the greatest
-/// [difference](Exact::difference) of those of which back ends promise anything.
+/// [difference](ExactGather::difference) of those of which back ends promise anything.
 ///
 /// # Panics
 /// If the scene was loaded without a plane that the stage reads.
@@ -148,13 +148,13 @@ pub fn difference(scene: &Scene, stage: &Gather, computed: &[[f32; 3]]) -> f64 {
 ///
 /// # Panics
 /// If the scene was loaded without a plane that the stage reads.
-pub fn filter(scene: &Scene, stage: &Gather, rect: Rect) -> Vec<Exact> {
+pub fn filter(scene: &Scene, stage: &Gather, rect: Rect) -> Vec<ExactGather> {
     let rows = rect.y..rect.y + rect.height;
     rows.flat_map(|y| (rect.x..rect.x + rect.width).map(move |x| pixel(scene, stage, x, y)))
         .collect()
 }
 
-fn pixel(scene: &Scene, stage: &Gather, x: usize, y: usize) -> Exact {
+fn pixel(scene: &Scene, stage: &Gather, x: usize, y: usize) -> ExactGather {
     let mut sums = [0.0; 3];
     let mut brightest = [0.0f64; 3];
     let (mut total, mut magnitude) = (0.0, 0.0);
@@ -168,7 +168,7 @@ fn pixel(scene: &Scene, stage: &Gather, x: usize, y: usize) -> Exact {
         total += weight;
         magnitude += weight.abs();
     }
-    Exact { color: sums.map(|sum| sum / total), brightest, total, magnitude }
+    ExactGather { color: sums.map(|sum| sum / total), brightest, total, magnitude }
 }
 
 /// The exact weight of pixel j for pixel i.

@@ -165,7 +165,7 @@ impl Shader {
         let workgroup = style.loads.workgroup();
         let columns = workgroup[0] as usize + 2 * reach;
         let strip = columns * workgroup[1] as usize;
-        let kernel = Kernel {
+        let kernel = FilterTemplate {
             loads: style.loads,
             near_doc: channels.near_doc(),
             own_doc: channels.own_doc(),
@@ -229,7 +229,7 @@ impl Shader {
 /// The template's slots.
 #[derive(Template)]
 #[template(path = "filter.wgsl", escape = "none")]
-struct Kernel {
+struct FilterTemplate {
     loads: Loads,
     near_doc: Vec<String>,
     own_doc: Vec<String>,
@@ -269,7 +269,7 @@ struct Kernel {
     signed: bool,
 }
 
-impl Kernel {
+impl FilterTemplate {
     /// One of the weights that `w` holds.
     fn element(&self, k: &usize) -> String {
         match self.weights {

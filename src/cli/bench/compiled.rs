@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use tempfile::TempDir;
 
-use super::contest::{Contestant, Course, Lap, Runner};
+use super::contest::{Contestant, Lap, Round, Runner};
 use super::program;
 use crate::cli::apply::needs;
 use crate::cli::error::Error;
@@ -75,24 +75,24 @@ impl Compiled {
 }
 
 impl Contestant for Compiled {
-    fn enter<'a>(&'a self, course: &'a Course) -> Result<Box<dyn Runner + 'a>, Error> {
-        course.scene.require(&needs(&self.filter))?;
+    fn enter<'a>(&'a self, round: &'a Round) -> Result<Box<dyn Runner + 'a>, Error> {
+        round.scene.require(&needs(&self.filter))?;
         let folder = self.folder.path();
         let [given, output] = ["given", "result"].map(|name| folder.join(name));
-        let (count, bytes) = supply(course, &self.images);
+        let (count, bytes) = supply(round, &self.images);
         fs::write(&given, bytes).map_err(program::file(&given, "write"))?;
-        let (width, height) = course.reference.size();
+        let (width, height) = round.reference.size();
         let mut command = Command::new(folder.join("filter"));
         command.arg(given).args([width, height, count, self.threads].map(|n| n.to_string()));
         command.arg(&output);
         let process = Process::start(command)?;
-        Ok(Box::new(Running { course, process, output, compile: self.compile }))
+        Ok(Box::new(Running { round, process, output, compile: self.compile }))
     }
 }
 
 /// The images in the order in which the driver takes them, and their number.
-fn supply(course: &Course, images: &[(Feature, Quantity)]) -> (usize, Vec<u8>) {
-    let (width, height) = (course.scene.layout().width(), course.scene.layout().height());
+fn supply(round: &Round, images: &[(Feature, Quantity)]) -> (usize, Vec<u8>) {
+    let (width, height) = (round.scene.layout().width(), round.scene.layout().height());
     let mut bytes = Vec::new();
     let mut count = 0;
     let mut add = |at: &dyn Fn(usize, usize) -> f32| {
@@ -101,18 +101,18 @@ fn supply(course: &Course, images: &[(Feature, Quantity)]) -> (usize, Vec<u8>) {
         }
         count += 1;
     };
-    for channel in course.scene.color() {
+    for channel in round.scene.color() {
         add(&|x, y| Samples::at(channel, x, y));
     }
     for plane in images.iter().flat_map(|&(feature, quantity)| PlaneId::of(feature, quantity)) {
-        let plane = course.scene.plane(plane).expect("enter() requires what the filter reads");
+        let plane = round.scene.plane(plane).expect("enter() requires what the filter reads");
         add(&|x, y| plane.at(x, y));
     }
     (count, bytes)
 }
 
 struct Running<'a> {
-    course: &'a Course,
+    round: &'a Round,
     process: Process,
     output: PathBuf,
     compile: Duration,
@@ -127,12 +127,12 @@ impl Runner for Running<'_> {
     fn result(&mut self) -> Result<Image, Error> {
         self.process.request(b'w')?;
         let bytes = fs::read(&self.output).map_err(program::file(&self.output, "read"))?;
-        let (width, height) = self.course.reference.size();
+        let (width, height) = self.round.reference.size();
         let samples: Vec<f32> =
             bytes.as_chunks::<4>().0.iter().map(|&sample| f32::from_ne_bytes(sample)).collect();
         let mut channels = samples.chunks(width * height);
         let rgb = [0, 1, 2].map(|_| channels.next().unwrap_or_default().to_vec());
-        Image::new(self.course.scene.name(), width, height, rgb).ok_or_else(|| {
+        Image::new(self.round.scene.name(), width, height, rgb).ok_or_else(|| {
             self.process.failed(io::Error::new(io::ErrorKind::UnexpectedEof, "its result is short"))
         })
     }

@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use super::exact::Exact;
+use super::exact::ExactImages;
 use crate::cli::error::Error;
 use crate::filter::Gather;
 use crate::image::{Image, Metrics};
@@ -14,7 +14,7 @@ use crate::report::{Entry, Ground, Outcome};
 use crate::scene::{Facts, Scene};
 
 /// A scene to be filtered, and what the result should be.
-pub(super) struct Course {
+pub(super) struct Round {
     pub(super) scene: Scene,
     pub(super) facts: Facts,
     pub(super) reference: Image,
@@ -23,7 +23,7 @@ pub(super) struct Course {
 /// A way to filter.
 pub(super) trait Contestant {
     /// Does what is to be done once per scene, before the first pixel.
-    fn enter<'a>(&'a self, course: &'a Course) -> Result<Box<dyn Runner + 'a>, Error>;
+    fn enter<'a>(&'a self, round: &'a Round) -> Result<Box<dyn Runner + 'a>, Error>;
 }
 
 /// A way to filter one scene, ready to run again and again.
@@ -81,18 +81,18 @@ impl Contest {
     ///
     /// # Errors
     /// If the scene and its reference do not fit.
-    pub(super) fn run(&mut self, course: &Course) -> Result<(), Error> {
+    pub(super) fn run(&mut self, round: &Round) -> Result<(), Error> {
         self.grounds.push(Ground {
-            scene: course.scene.name().to_owned(),
-            pixels: course.scene.layout().pixels(),
-            noisy: Metrics::of(&course.scene.noisy(), &course.reference)?,
+            scene: round.scene.name().to_owned(),
+            pixels: round.scene.layout().pixels(),
+            noisy: Metrics::of(&round.scene.noisy(), &round.reference)?,
         });
         let mut running: Vec<(usize, Box<dyn Runner + '_>, Vec<Lap>)> = Vec::new();
         for (k, entrant) in self.entrants.iter().enumerate() {
             let (Ok(contestant), Ok(_)) = (&entrant.contestant, &self.outcomes[k]) else {
                 continue;
             };
-            match contestant.enter(course) {
+            match contestant.enter(round) {
                 Ok(runner) => running.push((k, runner, Vec::with_capacity(self.rounds))),
                 Err(error) => self.outcomes[k] = Err(error.to_string()),
             }
@@ -109,14 +109,14 @@ impl Contest {
                 }
             });
         }
-        let mut meanings: Vec<(&Gather, Exact)> = Vec::new();
+        let mut meanings: Vec<(&Gather, ExactImages)> = Vec::new();
         for (k, mut runner, laps) in running {
             let meaning = self.entrants[k].meaning.as_ref();
             if let Some(stage) = meaning.filter(|s| meanings.iter().all(|(other, _)| other != s)) {
-                meanings.push((stage, Exact::of(&course.scene, stage)));
+                meanings.push((stage, ExactImages::of(&round.scene, stage)));
             }
             let exact = meanings.iter().find(|(stage, _)| Some(*stage) == meaning);
-            let outcome = judge(course, &mut *runner, &laps, exact.map(|(_, exact)| exact));
+            let outcome = judge(round, &mut *runner, &laps, exact.map(|(_, exact)| exact));
             match (&mut self.outcomes[k], outcome) {
                 (Ok(outcomes), Ok(outcome)) => outcomes.push(outcome),
                 (own, Err(error)) => *own = Err(error.to_string()),
@@ -137,10 +137,10 @@ impl Contest {
 }
 
 fn judge(
-    course: &Course,
+    round: &Round,
     runner: &mut dyn Runner,
     laps: &[Lap],
-    exact: Option<&Exact>,
+    exact: Option<&ExactImages>,
 ) -> Result<Outcome, Error> {
     let image = runner.result()?;
     let processes: Option<Vec<Duration>> = laps.iter().map(|lap| lap.process).collect();
@@ -148,7 +148,7 @@ fn judge(
         time: median(laps.iter().map(|lap| lap.time).collect()),
         process: processes.map(median),
         compile: runner.compile(),
-        metrics: Metrics::of(&image, &course.reference)?,
+        metrics: Metrics::of(&image, &round.reference)?,
         difference: exact.map(|exact| exact.difference(&image)),
     })
 }

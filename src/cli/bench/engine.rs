@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 
-use super::contest::{Contestant, Course, Lap, Runner};
+use super::contest::{Contestant, Lap, Round, Runner};
 use crate::backend::{Backend, Exact, Filtered, Rect};
 use crate::cli::backend::{Lanes, Processor};
 use crate::cli::error::Error;
@@ -113,33 +113,33 @@ pub(super) struct OnEngine {
 }
 
 struct Entered<'a> {
-    course: &'a Course,
+    round: &'a Round,
     code: Code<'a>,
     compile: Duration,
     filtered: Filtered,
 }
 
 impl Contestant for OnEngine {
-    fn enter<'a>(&'a self, course: &'a Course) -> Result<Box<dyn Runner + 'a>, Error> {
+    fn enter<'a>(&'a self, round: &'a Round) -> Result<Box<dyn Runner + 'a>, Error> {
         let checked = self.filter.check().expect("only filters that make sense get here");
-        course.scene.require(&checked.required())?;
+        round.scene.require(&checked.required())?;
         let start = Instant::now();
         let passes = Passes { precision: self.engine.precision, ..Passes::ALL };
-        let scene = (course.scene.name(), &course.facts);
+        let scene = (round.scene.name(), &round.facts);
         let code = Code::new(&self.filter, scene, &*self.engine.backend, passes)?;
         if self.engine.lazy {
-            let Rect { width, height, .. } = Rect::whole(&course.scene);
+            let Rect { width, height, .. } = Rect::whole(&round.scene);
             let corner = Rect { x: 0, y: 0, width: width.min(8), height: height.min(8) };
-            code.run(&course.scene, corner)?;
+            code.run(&round.scene, corner)?;
         }
         let compile = start.elapsed();
-        Ok(Box::new(Entered { course, code, compile, filtered: Filtered::default() }))
+        Ok(Box::new(Entered { round, code, compile, filtered: Filtered::default() }))
     }
 }
 
 impl Runner for Entered<'_> {
     fn run(&mut self) -> Result<Lap, Error> {
-        let scene = &self.course.scene;
+        let scene = &self.round.scene;
         let start = Instant::now();
         let filtered = self.code.run(scene, Rect::whole(scene));
         let time = start.elapsed();
@@ -148,10 +148,10 @@ impl Runner for Entered<'_> {
     }
 
     fn result(&mut self) -> Result<Image, Error> {
-        let Rect { width, height, .. } = Rect::whole(&self.course.scene);
+        let Rect { width, height, .. } = Rect::whole(&self.round.scene);
         let pixels = &self.filtered.pixels;
         let rgb = [0, 1, 2].map(|channel| pixels.iter().map(|c| c[channel]).collect());
-        let image = Image::new(self.course.scene.name(), width, height, rgb);
+        let image = Image::new(self.round.scene.name(), width, height, rgb);
         Ok(image.expect("one colour per pixel of the last run"))
     }
 

@@ -13,9 +13,9 @@ use crate::scene::Scene;
 const ROWS: usize = 8;
 
 /// The exact colours of some rows.
-pub(super) struct Exact(Vec<(usize, Vec<oracle::Exact>)>);
+pub(super) struct ExactImages(Vec<(usize, Vec<oracle::ExactGather>)>);
 
-impl Exact {
+impl ExactImages {
     /// Rows from all over the image.
     pub(super) fn of(scene: &Scene, stage: &Gather) -> Self {
         let (width, height) = (scene.layout().width(), scene.layout().height());

@@ -33,7 +33,7 @@ use crate::plan::Precision;
 use crate::report::{Format, Tradeoff};
 use crate::scene::{Facts, LoadOptions, Needs, Scene, load_reference};
 use compiled::Compiled;
-use contest::{Contest, Contestant, Course, Entrant};
+use contest::{Contest, Contestant, Entrant, Round};
 use engine::{Choice, Engine, OnEngine};
 use oidn::{Given, Oidn};
 
@@ -145,7 +145,7 @@ impl Bench {
             let scene = Scene::load(&files.noisy, &all, pad, &LoadOptions::default())?;
             let facts = Facts::of(&scene);
             let reference = load_reference(&files.reference)?;
-            contest.run(&Course { scene, facts, reference })?;
+            contest.run(&Round { scene, facts, reference })?;
         }
         let (grounds, entries) = contest.finish();
         let rounds = usize::from(self.rounds);

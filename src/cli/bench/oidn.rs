@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use tempfile::TempDir;
 
-use super::contest::{Contestant, Course, Lap, Runner};
+use super::contest::{Contestant, Lap, Round, Runner};
 use super::pfm::{self, Channels};
 use super::program;
 use crate::cli::error::Error;
@@ -64,7 +64,7 @@ pub(super) struct Oidn {
 }
 
 struct Ready<'a> {
-    course: &'a Course,
+    round: &'a Round,
     command: Command,
     output: PathBuf,
     initialization: Option<Duration>,
@@ -72,25 +72,25 @@ struct Ready<'a> {
 }
 
 impl Contestant for Oidn {
-    fn enter<'a>(&'a self, course: &'a Course) -> Result<Box<dyn Runner + 'a>, Error> {
-        course.scene.require(&self.given.needs())?;
+    fn enter<'a>(&'a self, round: &'a Round) -> Result<Box<dyn Runner + 'a>, Error> {
+        round.scene.require(&self.given.needs())?;
         let folder = program::folder()?;
         let mut command = Command::new(&self.program);
         let mut give = |option: &str, channels: &Channels| -> Result<(), Error> {
             let path = folder.path().join(format!("{}.pfm", option.trim_start_matches('-')));
-            let (width, height) = course.reference.size();
+            let (width, height) = round.reference.size();
             fs::write(&path, pfm::write(width, height, channels))
                 .map_err(program::file(&path, "write"))?;
             command.arg(option).arg(path);
             Ok(())
         };
-        give("--hdr", &color(course))?;
+        give("--hdr", &color(round))?;
         for &(option, feature) in self.given.guides() {
-            give(option, &guide(course, feature))?;
+            give(option, &guide(round, feature))?;
         }
         let output = folder.path().join("out.pfm");
         command.arg("-o").arg(&output).args(["--threads", &self.threads.to_string()]);
-        Ok(Box::new(Ready { course, command, output, initialization: None, _folder: folder }))
+        Ok(Box::new(Ready { round, command, output, initialization: None, _folder: folder }))
     }
 }
 
@@ -107,11 +107,11 @@ impl Runner for Ready<'_> {
 
     fn result(&mut self) -> Result<Image, Error> {
         let bytes = fs::read(&self.output).map_err(program::file(&self.output, "read"))?;
-        let (width, height) = self.course.reference.size();
+        let (width, height) = self.round.reference.size();
         let channels = pfm::read(&bytes, width, height).map_err(|reason| {
             program::failed(&self.command, "wrote what cannot be read", &reason)
         })?;
-        let image = Image::new(self.course.scene.name(), width, height, channels);
+        let image = Image::new(self.round.scene.name(), width, height, channels);
         Ok(image.expect("read() gives one sample per pixel"))
     }
 
@@ -120,17 +120,17 @@ impl Runner for Ready<'_> {
     }
 }
 
-fn color(course: &Course) -> Channels {
-    let height = course.scene.layout().height();
+fn color(round: &Round) -> Channels {
+    let height = round.scene.layout().height();
     let flat = |channel: &Samples| (0..height).flat_map(|y| channel.pixels(y)).copied().collect();
-    course.scene.color().each_ref().map(flat)
+    round.scene.color().each_ref().map(flat)
 }
 
-fn guide(course: &Course, feature: Feature) -> Channels {
-    let (width, height) = (course.scene.layout().width(), course.scene.layout().height());
+fn guide(round: &Round, feature: Feature) -> Channels {
+    let (width, height) = (round.scene.layout().width(), round.scene.layout().height());
     [0, 1, 2].map(|component| {
         let id = PlaneId { feature, quantity: Quantity::Value, component };
-        let plane = course.scene.plane(id).expect("enter() requires it");
+        let plane = round.scene.plane(id).expect("enter() requires it");
         (0..height).flat_map(|y| (0..width).map(move |x| plane.at(x, y))).collect()
     })
 }

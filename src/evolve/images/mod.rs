@@ -139,9 +139,9 @@ impl<'a> ImageFitness<'a> {
         });
         let samples = samples.collect();
         let facts = Facts::of_all(scenes.iter().map(|training| &training.scene));
-        // A pixel's bits must not depend on whether its window is converged in one
+        // A pixel's bits must not depend on whether its window is uniform in one
         // plan and filtered in another, and little in training scenes is.
-        let passes = Passes { converged: false, ..Passes::ALL };
+        let passes = Passes { uniform: false, ..Passes::ALL };
         let batching = Batching { backend, facts, window, passes, together: TOGETHER };
         Self {
             scenes,

@@ -7,7 +7,7 @@ use rustc_hash::FxHashMap;
 use super::rungs::{Ladder, Rung, TileErrors};
 use super::sample::{Sample, mean};
 use super::{ImageFitness, JudgeError, total};
-use crate::evolve::individual::Verdict;
+use crate::evolve::individual::Judgement;
 use crate::evolve::race::{Entrant, Ruling};
 use crate::expr::Tree;
 use crate::scene::Scene;
@@ -59,7 +59,7 @@ impl ImageFitness<'_> {
                 let bar = entrants[k].bar.expect("only those with a bar run up the rungs");
                 let verdict = match errors {
                     // As in `errors`: good for nothing, and that is known.
-                    None => Some(Verdict::Full(f64::INFINITY)),
+                    None => Some(Judgement::Full(f64::INFINITY)),
                     Some(errors) => {
                         for (seen, errors) in seen[k].iter_mut().zip(errors) {
                             seen.extend(errors);
@@ -68,7 +68,7 @@ impl ImageFitness<'_> {
                         // An error that is no number is beyond doubt.
                         let open = excess <= course.deviations * doubt;
                         let hopeless = excess > 0.0 && !open;
-                        hopeless.then_some(Verdict::Dropped(bar.fitness + excess))
+                        hopeless.then_some(Judgement::Dropped(bar.fitness + excess))
                     }
                 };
                 rulings[k] = verdict.map(|verdict| Ruling { verdict, work: spent });
@@ -84,7 +84,7 @@ impl ImageFitness<'_> {
             let rungs = if entrants[k].bar.is_some() { course.ladder.rungs.len() } else { 0 };
             let pixels = course.ladder.pixels(rungs);
             let work = work(pixels) + self.pairs() as u64;
-            rulings[k] = Some(Ruling { verdict: Verdict::Full(value), work });
+            rulings[k] = Some(Ruling { verdict: Judgement::Full(value), work });
         }
         Ok(rulings.into_iter().map(|r| r.expect("dropped or judged in full")).collect())
     }

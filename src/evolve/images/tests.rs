@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::*;
 use crate::backend::{Executable, Interpreter};
-use crate::evolve::individual::Verdict;
+use crate::evolve::individual::Judgement;
 use crate::evolve::materials::Materials;
 use crate::evolve::mutation::mutate;
 use crate::evolve::race::Bar;
@@ -77,7 +77,7 @@ fn breeding_fast_changes_little_and_full_judgement_nothing() {
     for (k, tree) in trees.iter().enumerate() {
         let [standard, fast] = values.each_ref().map(|values| values[k]);
         assert!((fast - standard).abs() <= 1e-4 * standard, "{fast}, not {standard}: {tree}");
-        assert_eq!(raced[k].verdict, Verdict::Full(fast), "{tree}");
+        assert_eq!(raced[k].verdict, Judgement::Full(fast), "{tree}");
         different += usize::from(fast != standard);
     }
     assert!(different > 20, "all but {different} are computed at standard precision");
@@ -85,7 +85,7 @@ fn breeding_fast_changes_little_and_full_judgement_nothing() {
     assert_eq!(standard.evaluate_full(few).unwrap(), fast.evaluate_full(few).unwrap());
     assert_eq!(standard.report(&trees[0]).unwrap(), fast.report(&trees[0]).unwrap());
     assert_ne!(standard.identity(), fast.identity());
-    let passes = Passes { precision: Precision::Fast, converged: false, ..Passes::ALL };
+    let passes = Passes { precision: Precision::Fast, uniform: false, ..Passes::ALL };
     let other = fitness(&Interpreter).with_passes(passes);
     assert_eq!(standard.report(&trees[0]).unwrap(), other.report(&trees[0]).unwrap());
 }
@@ -274,7 +274,7 @@ fn who_comes_through_a_race_has_the_fitness_of_one_judged_alone() {
         let full = rulings.iter().filter(|ruling| ruling.verdict.is_full()).count();
         assert!((3..60).contains(&full), "{full} of {}", trees.len());
         for (ruling, &value) in rulings.iter().zip(&values) {
-            if let Verdict::Full(judged) = ruling.verdict {
+            if let Judgement::Full(judged) = ruling.verdict {
                 assert_eq!(judged.to_bits(), value.to_bits());
             }
         }
@@ -283,7 +283,7 @@ fn who_comes_through_a_race_has_the_fitness_of_one_judged_alone() {
         let finite = rulings.iter().zip(&values).filter(|(_, value)| value.is_finite());
         assert!(finite.clone().count() > 60);
         for (ruling, &value) in finite {
-            assert_eq!(ruling.verdict, Verdict::Full(value));
+            assert_eq!(ruling.verdict, Judgement::Full(value));
         }
     }
 }
@@ -390,7 +390,7 @@ fn a_restriction_keeps_out_whom_it_refuses() {
     let entrants: Vec<Entrant<'_>> = trees.iter().map(|tree| Entrant { tree, bar: None }).collect();
     let rulings = restricted.race(&entrants).unwrap();
     let full = rulings.iter().map(|ruling| ruling.verdict);
-    assert!(full.eq(values.into_iter().map(Verdict::Full)), "{rulings:?}");
+    assert!(full.eq(values.into_iter().map(Judgement::Full)), "{rulings:?}");
     assert_eq!(restricted.objection(&trees[2]).unwrap(), Some("refused".to_owned()));
     assert_eq!(restricted.objection(&trees[1]).unwrap(), None);
 

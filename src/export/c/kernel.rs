@@ -115,7 +115,7 @@ size_t {{ name }}_filter(const struct {{ name }}_images *images, float *const ou
 }
 "#
 )]
-struct Kernel<'a> {
+struct KernelTemplate<'a> {
     name: &'a str,
     radius: u32,
     step: u32,
@@ -151,7 +151,7 @@ impl Source<'_> {
             (self.reads_dx, "(float)dx"),
             (self.reads_dy, "(float)dy"),
         ]);
-        let kernel = Kernel {
+        let kernel = KernelTemplate {
             name: self.name,
             radius: window.radius,
             step: window.dilation,

@@ -50,7 +50,7 @@ impl Changes {
     }
 
     /// Whether the window of a pixel holds one colour only.
-    pub(super) fn is_converged(&self, x: usize, y: usize) -> bool {
+    pub(super) fn is_uniform(&self, x: usize, y: usize) -> bool {
         let [left, top] = [x, y].map(|at| at.saturating_sub(self.reach));
         let right = (x + self.reach + 1).min(self.width);
         let bottom = (y + self.reach + 1).min(self.height);
@@ -59,10 +59,10 @@ impl Changes {
     }
 
     /// The parts of a strip that have to be computed: all of its rows, and the
-    /// columns around pixels that are not converged, from left to right.
+    /// columns around pixels that are not uniform, from left to right.
     pub(super) fn stretches(&self, strip: Rect) -> Vec<Rect> {
         let rows = strip.y..strip.y + strip.height;
-        let needed = |x: &usize| rows.clone().any(|y| !self.is_converged(*x, y));
+        let needed = |x: &usize| rows.clone().any(|y| !self.is_uniform(*x, y));
         let mut stretches: Vec<Rect> = Vec::new();
         for x in (strip.x..strip.x + strip.width).filter(needed) {
             match stretches.last_mut() {
@@ -123,14 +123,14 @@ mod tests {
     }
 
     #[test]
-    fn pixels_are_converged_whose_windows_hold_one_colour() {
+    fn pixels_are_uniform_whose_windows_hold_one_colour() {
         for others in [vec![], vec![[0, 0]], vec![[20, 5]], vec![[39, 11], [7, 3]]] {
             let scene = scene(40, 12, &others);
             let changes = Changes::of(&scene, 3).expect("most pixels are alike");
             for (x, y) in (0..12usize).flat_map(|y| (0..40usize).map(move |x| (x, y))) {
                 let near = |&[u, v]: &[usize; 2]| x.abs_diff(u) <= 3 && y.abs_diff(v) <= 3;
                 let expected = !others.iter().any(near);
-                assert_eq!(changes.is_converged(x, y), expected, "({x}, {y}) near {others:?}");
+                assert_eq!(changes.is_uniform(x, y), expected, "({x}, {y}) near {others:?}");
             }
         }
     }
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn stretches_cover_what_is_not_converged() {
+    fn stretches_cover_what_is_not_uniform() {
         let scene = scene(400, 12, &[[30, 5], [60, 2], [350, 6]]);
         let changes = Changes::of(&scene, 3).expect("most pixels are alike");
         let strip = Rect { x: 10, y: 4, width: 380, height: 4 };
