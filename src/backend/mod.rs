@@ -2,7 +2,7 @@
 //! computed, and what is skipped, was decided in the plan.
 //!
 //! Two back ends run on the CPU and give the same bits: [`Interpreter`], the
-//! reference, and [`Jit`], machine code. The [`reference`] room computes a filter's
+//! reference, and [`Jit`], machine code. The [`mod@reference`] room computes a filter's
 //! exact meaning in f64; it is no back end, but what back ends are held to.
 //!
 //! **The sum.** Σ c·w and Σ w are accumulated by fused multiply-adds per run of

@@ -4,7 +4,7 @@
 //! terms that read it out of the expression, and a range drops guards that can
 //! never act. Machine code specialised to facts is right only for scenes they
 //! hold of, so facts of several scenes are joined to what holds of all, and a
-//! plan [keeps](crate::plan::Plan::facts) those that it was made with.
+//! plan [keeps](crate::plan::WindowPlan::facts) those that it was made with.
 
 use std::collections::BTreeMap;
 use std::fmt;
