@@ -124,16 +124,8 @@ fn wholes() -> impl Iterator<Item = Tree> {
     const KERNELS: [Op; 5] = [Op::Mitchell, Op::Sinc, Op::Epanechnikov, Op::Biweight, Op::Tricube];
     let kernels = KERNELS.into_iter().flat_map(|kernel| {
         Feature::ALL.into_iter().map(move |feature| {
-            let unit = match feature {
-                Feature::Pixel => format!(" / {REACH}"),
-                Feature::WorldPosition
-                | Feature::Normal
-                | Feature::Texture
-                | Feature::SecTexture
-                | Feature::Depth
-                | Feature::DirIllumination
-                | Feature::Color => String::new(),
-            };
+            let in_pixels = feature == Feature::Pixel;
+            let unit = if in_pixels { format!(" / {REACH}") } else { String::new() };
             parsed(&format!("{}({}{unit})", kernel.name(), distance(feature)))
         })
     });

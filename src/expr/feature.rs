@@ -7,28 +7,6 @@
 
 use std::fmt;
 
-/// A per-pixel quantity that weights can look at (Section 4.3 of the paper, and
-/// the two further ones that its Equations 3 and 4 use: `color` and `pixel`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Feature {
-    /// World-space position of the first hit.
-    WorldPosition,
-    /// Shading normal at the first hit.
-    Normal,
-    /// Diffuse albedo ("texture") at the first hit.
-    Texture,
-    /// Diffuse albedo seen through glossy or specular reflection.
-    SecTexture,
-    /// Distance from the camera to the first hit.
-    Depth,
-    /// Direct illumination at the first hit.
-    DirIllumination,
-    /// The noisy colour itself.
-    Color,
-    /// The pixel's own coordinates, in pixels.
-    Pixel,
-}
-
 /// Which of a feature's quantities is meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Quantity {
@@ -86,8 +64,28 @@ pub struct FeatureRow {
     pub doc: &'static str,
 }
 
-const TABLE: [FeatureRow; 8] = [
-    FeatureRow {
+/// Makes the enum, the list of all and the table from one row per feature.
+macro_rules! features {
+    ($($(#[$doc:meta])* $name:ident $row:tt)*) => {
+        /// A per-pixel quantity that weights can look at (Section 4.3 of the paper, and
+        /// the two further ones that its Equations 3 and 4 use: `color` and `pixel`).
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Feature {
+            $($(#[$doc])* $name,)*
+        }
+
+        impl Feature {
+            /// Every feature, in the table's order.
+            pub const ALL: [Self; TABLE.len()] = [$(Self::$name),*];
+        }
+
+        const TABLE: [FeatureRow; [$(stringify!($name)),*].len()] = [$(FeatureRow $row),*];
+    };
+}
+
+features! {
+    /// World-space position of the first hit.
+    WorldPosition {
         name: "worldPosition",
         term: Some("position"),
         gradient: Some("wpGradient"),
@@ -100,8 +98,9 @@ const TABLE: [FeatureRow; 8] = [
         bounds: None,
         title: "positions",
         doc: "world-space position of the first hit, relative to the visible geometry's extent",
-    },
-    FeatureRow {
+    }
+    /// Shading normal at the first hit.
+    Normal {
         name: "normal",
         term: None,
         gradient: Some("nGradient"),
@@ -114,8 +113,9 @@ const TABLE: [FeatureRow; 8] = [
         bounds: Some([-1.0, 1.0]),
         title: "normals",
         doc: "shading normal at the first hit",
-    },
-    FeatureRow {
+    }
+    /// Diffuse albedo ("texture") at the first hit.
+    Texture {
         name: "texture",
         term: Some("albedo"),
         gradient: Some("tGradient"),
@@ -128,8 +128,9 @@ const TABLE: [FeatureRow; 8] = [
         bounds: Some([0.0, 1.0]),
         title: "albedo",
         doc: "diffuse albedo at the first hit",
-    },
-    FeatureRow {
+    }
+    /// Diffuse albedo seen through glossy or specular reflection.
+    SecTexture {
         name: "secTexture",
         term: Some("secondaryAlbedo"),
         gradient: Some("secTGradient"),
@@ -142,8 +143,9 @@ const TABLE: [FeatureRow; 8] = [
         bounds: Some([0.0, 1.0]),
         title: "reflected albedo",
         doc: "diffuse albedo seen through glossy or specular reflection",
-    },
-    FeatureRow {
+    }
+    /// Distance from the camera to the first hit.
+    Depth {
         name: "depth",
         term: None,
         gradient: Some("dGradient"),
@@ -156,8 +158,9 @@ const TABLE: [FeatureRow; 8] = [
         bounds: None,
         title: "depth",
         doc: "distance to the first hit, relative to the visible geometry's extent",
-    },
-    FeatureRow {
+    }
+    /// Direct illumination at the first hit.
+    DirIllumination {
         name: "dirIllumination",
         term: Some("direct"),
         gradient: Some("diGradient"),
@@ -170,8 +173,9 @@ const TABLE: [FeatureRow; 8] = [
         bounds: None,
         title: "direct light",
         doc: "direct illumination at the first hit, relative to the image's exposure",
-    },
-    FeatureRow {
+    }
+    /// The noisy colour itself.
+    Color {
         name: "color",
         term: None,
         gradient: None,
@@ -184,8 +188,9 @@ const TABLE: [FeatureRow; 8] = [
         bounds: None,
         title: "colour",
         doc: "the noisy colour, relative to the image's exposure",
-    },
-    FeatureRow {
+    }
+    /// The pixel's own coordinates, in pixels.
+    Pixel {
         name: "pixel",
         term: None,
         gradient: None,
@@ -198,22 +203,10 @@ const TABLE: [FeatureRow; 8] = [
         bounds: None,
         title: "pixel coordinates",
         doc: "the pixel's coordinates, in pixels",
-    },
-];
+    }
+}
 
 impl Feature {
-    /// Every feature, in the table's order.
-    pub const ALL: [Self; 8] = [
-        Self::WorldPosition,
-        Self::Normal,
-        Self::Texture,
-        Self::SecTexture,
-        Self::Depth,
-        Self::DirIllumination,
-        Self::Color,
-        Self::Pixel,
-    ];
-
     /// The feature's row.
     pub fn row(self) -> &'static FeatureRow {
         &TABLE[self as usize]

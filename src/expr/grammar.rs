@@ -23,6 +23,18 @@ use super::tree::Tree;
 /// The paper's ⟨const⟩.
 pub const CONSTANTS: [f32; 8] = [0.1, 0.2, 0.3, 0.3333, 1.0, 2.0, 3.0, std::f32::consts::PI];
 
+/// The features of the paper's Section 4.3, and of its Equations 3 and 4.
+pub const PAPER_FEATURES: &[Feature] = &[
+    Feature::WorldPosition,
+    Feature::Normal,
+    Feature::Texture,
+    Feature::SecTexture,
+    Feature::Depth,
+    Feature::DirIllumination,
+    Feature::Color,
+    Feature::Pixel,
+];
+
 /// The operators of the paper's Figure 2, in its order.
 pub const PAPER: &[Op] = &[
     Op::Neg,
@@ -54,10 +66,11 @@ pub const PAPER: &[Op] = &[
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Primitives {
-    /// [`PAPER`].
+    /// [`PAPER`] and [`PAPER_FEATURES`].
     #[default]
     Paper,
-    /// Every row of the operator table. What a seed names changes when a row is added.
+    /// Every row of the operator table and of the features'. What a seed names changes when a
+    /// row is added.
     All,
 }
 
@@ -76,6 +89,14 @@ impl Primitives {
     /// The set of a name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|set| set.name() == name)
+    }
+
+    /// The features, in the order in which random choices count them.
+    pub fn features(self) -> &'static [Feature] {
+        match self {
+            Self::Paper => PAPER_FEATURES,
+            Self::All => &Feature::ALL,
+        }
     }
 
     /// The operators, in the order in which random choices count them.
@@ -115,7 +136,8 @@ impl Vocabulary {
     /// A primitive set with those quantities of features that `keep` accepts.
     pub fn of(primitives: Primitives, keep: impl Fn(Feature, Quantity) -> bool) -> Self {
         let (mut variances, mut vectors) = (Vec::new(), Vec::new());
-        for (feature, quantity) in Feature::terms().filter(|&(f, q)| keep(f, q)) {
+        let terms = Feature::terms().filter(|(f, _)| primitives.features().contains(f));
+        for (feature, quantity) in terms.filter(|&(f, q)| keep(f, q)) {
             let symbol = Symbol::of(feature, quantity).expect("terms() lists what has a spelling");
             match symbol.sort() {
                 Sort::Scalar => variances.push(symbol),

@@ -9,6 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{Ground, Kind};
+use crate::expr::feature::Unit;
 use crate::expr::{Feature, Quantity};
 use crate::filter::Window;
 use crate::scene::RawScene;
@@ -122,13 +123,13 @@ fn level(Place { feature, quantity, component, .. }: Place, t: f32) -> f32 {
     if quantity == Quantity::Variance {
         return 0.02 * t;
     }
-    match feature {
-        Feature::WorldPosition => 10.0 * t - 3.0,
-        Feature::Normal => 2.0 * t - 1.0,
-        Feature::Texture | Feature::SecTexture => t,
-        Feature::Depth => 2.0 + 10.0 * t,
-        Feature::DirIllumination | Feature::Color => 2.0 * t,
-        Feature::Pixel => unreachable!("coordinates are derived"),
+    let row = feature.row();
+    match (row.unit, row.bounds) {
+        (Unit::Place, _) => 10.0 * t - 3.0,
+        (Unit::Length, _) => 2.0 + 10.0 * t,
+        (Unit::Light, _) => 2.0 * t,
+        (Unit::Own, Some([lo, hi])) => lo + (hi - lo) * t,
+        (Unit::Own, None) => t,
     }
 }
 
@@ -186,14 +187,9 @@ fn gradients(at: Place, rng: &mut ChaCha8Rng) -> f32 {
 /// Light from 1e-6 to 1e6.
 fn decades(at: Place, rng: &mut ChaCha8Rng) -> f32 {
     let t: f32 = rng.random();
-    match at.feature {
-        Feature::Color | Feature::DirIllumination => 10f32.powf(12.0 * t - 6.0),
-        Feature::WorldPosition
-        | Feature::Normal
-        | Feature::Texture
-        | Feature::SecTexture
-        | Feature::Depth
-        | Feature::Pixel => level(at, t),
+    match at.feature.row().unit {
+        Unit::Light => 10f32.powf(12.0 * t - 6.0),
+        Unit::Own | Unit::Place | Unit::Length => level(at, t),
     }
 }
 
@@ -218,10 +214,11 @@ fn leaves(at: Place, rng: &mut ChaCha8Rng) -> f32 {
     let which = surface(at);
     let is_bright = which / 2 == 1;
     let is_far = which % 2 == 1;
-    let t = match at.feature {
-        Feature::WorldPosition | Feature::Depth => is_far,
-        Feature::Normal | Feature::DirIllumination => return level(at, rng.random()),
-        Feature::Texture | Feature::SecTexture | Feature::Color | Feature::Pixel => is_bright,
+    let t = match at.feature.row().unit {
+        Unit::Place | Unit::Length => is_far,
+        Unit::Light if at.feature == Feature::Color => is_bright,
+        Unit::Own if !at.feature.row().signed => is_bright,
+        Unit::Own | Unit::Light => return level(at, rng.random()),
     };
     let t = if t { 0.8 } else { 0.1 };
     level(at, if is_color(at) { t * (0.3 + 1.4 * rng.random::<f32>()) } else { t })

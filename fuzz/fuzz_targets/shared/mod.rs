@@ -2,7 +2,7 @@
 
 use tamis::backend::Filtered;
 use tamis::expr::{Feature, Quantity};
-use tamis::plan::{Passes, Precision};
+use tamis::plan::{PASSES, Passes, Precision};
 use tamis::scene::{LoadOptions, Needs, RawScene, Scene};
 
 /// Values that arithmetic trips over, and a few that it should not.
@@ -44,24 +44,15 @@ pub(crate) fn scene((width, height): (usize, usize), pad: usize, seed: u16) -> S
     raw.prepare(&Needs::everything(), pad, &LoadOptions::default()).expect("every sample is finite")
 }
 
-/// Passes, each switched off by a bit.
+/// Passes, each switched off by a bit; the first says how accurate code is.
 pub(crate) fn passes(bits: u16) -> Passes {
-    let on = |pass: u16| bits & (1 << pass) == 0;
-    Passes {
-        merge: on(0),
-        facts: on(1),
-        fold: on(2),
-        share: on(3),
-        ranges: on(4),
-        contract: on(5),
-        hoist: on(6),
-        support: on(7),
-        symmetry: on(8),
-        uniform: on(9),
-        inline: on(11),
-        separate: on(12),
-        precision: if on(10) { Precision::Standard } else { Precision::Fast },
-    }
+    let off = |k: usize| bits >> (k + 1) & 1 == 1;
+    let off = PASSES.iter().enumerate().filter(|&(k, _)| off(k));
+    let passes = off.fold(Passes::ALL, |passes, (_, row)| {
+        passes.without(row.name).expect("it is a row of the table")
+    });
+    let precision = if bits & 1 == 0 { Precision::Standard } else { Precision::Fast };
+    Passes { precision, ..passes }
 }
 
 /// Everything that must be the same.
