@@ -217,8 +217,8 @@ pub trait Executable: Send + Sync {
     ///
     /// # Errors
     /// If the scene lacks a plane that the plan's weights read; if the code relies on the
-    /// plan's [facts](crate::plan::WindowPlan::facts) and they do not hold of the scene; if a rectangle lies
-    /// outside of it; if the device fails.
+    /// plan's [facts](crate::plan::WindowPlan::facts) and they do not hold of the scene; if a
+    /// rectangle lies outside of it; if the device fails.
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
 }
 

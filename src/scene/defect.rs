@@ -91,7 +91,8 @@ pub fn drop_far(depth: &mut [f32]) -> Option<Tally> {
 }
 
 /// The samples below zero of a channel in which that means nothing. Positions and normals
-/// have two signs; what has bounds is [brought into them](bound); and where no depth is positive, the axis points backwards.
+/// have two signs; what has bounds is [brought into them](bound); and where no depth is
+/// positive, the axis points backwards.
 pub fn negative(samples: &[f32], feature: Feature, quantity: Quantity) -> Option<Tally> {
     let signed = match quantity {
         Quantity::Value if feature == Feature::Depth => !samples.iter().any(|&d| d > 0.0),

@@ -17,8 +17,9 @@ pub struct Guards {
     /// Kept, as the weights sum to less than [`TRUSTED_SUM`]: nothing in the
     /// window is alike.
     pub vanished: usize,
-    /// Kept, as the sum is less than [`TRUSTED_SHARE`](crate::backend::TRUSTED_SHARE) of that of the weights'
-    /// magnitudes: they cancel.
+    /// Kept, as the sum is less than
+    /// [`TRUSTED_SHARE`](crate::backend::TRUSTED_SHARE) of that of the weights' magnitudes:
+    /// they cancel.
     pub cancelled: usize,
     /// Kept, as the sums left the range of `f32`.
     pub overflowed: usize,

@@ -44,8 +44,8 @@ pub use verdict::{Reason, Verdict};
 use trial::Trial;
 
 /// The radius that scenes of the caller's are filtered with, if the filter is one of the
-/// paper's and its own is not smaller: what is ill-conditioned shows in windows of any size, and 25 taps, exactly
-/// computed for all pixels, take seconds.
+/// paper's and its own is not smaller: what is ill-conditioned shows in windows of any size,
+/// and 25 taps, exactly computed for all pixels, take seconds.
 pub const REAL_RADIUS: u32 = 2;
 
 /// The seed of certificates, unless another is asked for.
