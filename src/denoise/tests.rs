@@ -21,7 +21,9 @@ fn denoised(filter: &Filter, max_memory: Option<u64>) -> Denoised {
 fn an_image_that_does_not_fit_in_memory_gets_the_bits_of_one_that_does() {
     let single = "exp(-distance2(pixel, pixel)) * exp(-distanceMax(worldPosition, worldPosition))";
     let single = Filter::single("single", single.parse().expect("a weight"), 2);
-    let filters = shipped::programs().chain([single]);
+    // Weights that vanish: pixels keep their colour, and each is counted once.
+    let none = Filter::single("none", "1 / 1e17 / 1e17".parse().expect("a weight"), 2);
+    let filters = shipped::programs().chain([single, none]);
     for filter in filters {
         let whole = denoised(&filter, None);
         let pixels = whole.image.size().0 * whole.image.size().1;
@@ -29,6 +31,9 @@ fn an_image_that_does_not_fit_in_memory_gets_the_bits_of_one_that_does() {
         assert!(parts.image.rgb() == whole.image.rgb(), "{}", filter.name);
         assert_eq!(parts.notes, whole.notes);
         assert_eq!(parts.applied.kept, whole.applied.kept);
+        if filter.name == "none" {
+            assert!(parts.applied.kept[0] > pixels / 2);
+        }
     }
 }
 
