@@ -51,6 +51,7 @@
 //! - [`plan`]: the passes; filters and their files.
 //! - [`denoise`]: files in, images out.
 //! - [`backend`]: interpreter, machine code, and the exact oracle.
+//! - [`tune`]: constants of programs, by gradients.
 //! - [`evolve`]: the search.
 //! - [`export`]: filters as code and equations for others.
 //! - [`stress`]: whether a filter can be relied on.
@@ -70,3 +71,4 @@ pub mod plan;
 pub mod report;
 pub mod scene;
 pub mod stress;
+pub mod tune;

@@ -14,7 +14,7 @@ const FLOORS: &[&[&str]] = &[
     &["filter"],
     &["plan"],
     &["backend"],
-    &["denoise"],
+    &["denoise", "tune"],
     &["evolve", "export", "report", "stress"],
     &["cli"],
 ];

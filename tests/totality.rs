@@ -125,7 +125,7 @@ impl Pair {
     /// The results of tapes, all of whose values are held to their intervals.
     fn weights(&self, tapes: &Tapes, tree: &Tree) -> Vec<f32> {
         let per_tap = evaluated(&tapes.tap, tree, |input| match input {
-            Input::Signal(..) => panic!("only programs have stages"),
+            Input::Signal(..) | Input::Constant(_) => panic!("only programs have these"),
             Input::Offset(Axis::X) => self.offset[0],
             Input::Offset(Axis::Y) => self.offset[1],
             other => panic!("{other:?} is not known per tap"),
@@ -141,7 +141,7 @@ impl Pair {
             Input::PerTap(k) => per_tap[k as usize],
             Input::PerPixel(k, Side::I) => per_pixel[0][k as usize],
             Input::PerPixel(k, Side::J) => per_pixel[1][k as usize],
-            Input::Signal(..) => panic!("only programs have stages"),
+            Input::Signal(..) | Input::Constant(_) => panic!("only programs have these"),
             Input::Offset(Axis::X) => self.offset[0],
             Input::Offset(Axis::Y) => self.offset[1],
         })

@@ -23,8 +23,10 @@ pub mod reference;
 #[cfg(feature = "gpu")]
 pub mod shader;
 
+use std::any::Any;
+
 use crate::filter::Filter;
-use crate::plan::{Plan, Precision};
+use crate::plan::{Gradient, Plan, Precision};
 use crate::scene::{Fact, Facts, Scene};
 
 pub use cpu::Interpreter;
@@ -220,6 +222,46 @@ pub trait Executable: Send + Sync {
     /// plan's [facts](crate::plan::WindowPlan::facts) and they do not hold of the scene; if a
     /// rectangle lies outside of it; if the device fails.
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
+}
+
+/// A loss: given the filtered colours of a whole image, row by row in units of the exposure,
+/// it says how bad they are, and writes its derivative by each of them.
+pub type Loss<'l> = dyn FnMut(&[[f32; 3]], &mut [[f32; 3]]) -> f64 + 'l;
+
+/// Memory that running a [`Differentiable`] leaves to the next run on a scene of the same
+/// size.
+#[derive(Default)]
+pub struct Workspace(Option<Box<dyn Any + Send>>);
+
+/// Something that turns programs and their adjoints into code.
+pub trait Differentiator: Send + Sync {
+    /// Makes them executable.
+    ///
+    /// # Errors
+    /// If that fails.
+    fn differentiate(&self, gradient: &Gradient) -> Result<Box<dyn Differentiable>, BackendError>;
+}
+
+/// A program and its adjoint in executable form.
+pub trait Differentiable: Send + Sync {
+    /// Filters a scene with these values of the constants that may be tuned, asks for the
+    /// loss, and adds its derivatives by every constant, in the order of
+    /// [`Constants`](crate::expr::Constants). Returns the loss. It runs on one thread: whoever
+    /// has several scenes gives each a thread.
+    ///
+    /// # Errors
+    /// Those of [`Executable::run`].
+    ///
+    /// # Panics
+    /// If there are not as many values and derivatives as constants.
+    fn run(
+        &self,
+        scene: &Scene,
+        constants: &[f32],
+        loss: &mut Loss<'_>,
+        workspace: &mut Workspace,
+        derivatives: &mut [f64],
+    ) -> Result<f64, BackendError>;
 }
 
 /// Checks that what a plan or a program takes for granted holds of a scene.

@@ -27,10 +27,7 @@ impl Processor {
     pub(super) fn open(self, lanes: Lanes) -> Result<Box<dyn Backend>, Error> {
         match self {
             #[cfg(feature = "jit")]
-            Self::Jit => match lanes.jit() {
-                Ok(jit) => Ok(Box::new(jit)),
-                Err(error) => Err(Error::NoMachineCode { reason: error.to_string() }),
-            },
+            Self::Jit => Ok(Box::new(lanes.open()?)),
             #[cfg(not(feature = "jit"))]
             Self::Jit => Err(Error::NoMachineCode {
                 reason: "the program was built without the feature `jit`".to_owned(),
@@ -69,6 +66,12 @@ impl Lanes {
     fn refused(self) -> Error {
         let lanes = self.name();
         Error::Usage(format!("--lanes {lanes}: only machine code (`--backend jit`) has them"))
+    }
+
+    /// Machine code of that width.
+    #[cfg(feature = "jit")]
+    pub(super) fn open(self) -> Result<crate::backend::Jit, Error> {
+        self.jit().map_err(|error| Error::NoMachineCode { reason: error.to_string() })
     }
 
     #[cfg(feature = "jit")]

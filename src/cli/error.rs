@@ -10,6 +10,7 @@ use crate::export::ExportError;
 use crate::filter::{FilterFileError, ResizeError};
 use crate::image::ImageError;
 use crate::scene::SceneError;
+use crate::tune;
 
 /// Why a command could not do its work.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +39,9 @@ pub(super) enum Error {
     /// The search.
     #[error(transparent)]
     Search(#[from] evolve::Error),
+    /// Tuning.
+    #[error(transparent)]
+    Tuning(Box<tune::Error>),
     /// The search failed on the way, and can go on later.
     #[error(
         "the search stopped, as expressions could not be judged: {source}; what was judged \
@@ -144,6 +148,12 @@ impl From<FilterFileError> for Error {
     }
 }
 
+impl From<tune::Error> for Error {
+    fn from(error: tune::Error) -> Self {
+        Self::Tuning(Box::new(error))
+    }
+}
+
 impl Error {
     /// The exit status that says so.
     pub(super) fn status(&self) -> u8 {
@@ -156,11 +166,13 @@ impl Error {
             | Self::Radius(_)
             | Self::Denoise(DenoiseError::Radius(_))
             | Self::Search(evolve::Error::Setting { .. }) => 2,
+            Self::Tuning(error) if matches!(**error, tune::Error::Setting { .. }) => 2,
             Self::Scene(_)
             | Self::Image(_)
             | Self::NoSuchScenes { .. }
             | Self::FilterFile(_)
             | Self::Search(_)
+            | Self::Tuning(_)
             | Self::Interrupted { .. }
             | Self::Denoise(_)
             | Self::NoMachineCode { .. }

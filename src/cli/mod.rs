@@ -33,6 +33,7 @@ mod scenes;
 mod score;
 mod sheet;
 mod stress;
+mod tune;
 
 use std::io::{self, Write};
 use std::num::NonZeroUsize;
@@ -81,6 +82,8 @@ enum Command {
     Denoise(denoise::Denoise),
     /// Search for a filter on training scenes
     Evolve(evolve::Evolve),
+    /// Tune a program's constants on scenes, by gradients
+    Tune(tune::Tune),
     /// Measure how far an image is from its reference
     Compare(compare::Compare),
     /// Measure filters on scenes: one table
@@ -123,6 +126,7 @@ impl Command {
         let text = match self {
             Self::Denoise(command) => command.run(log, started),
             Self::Evolve(command) => command.run(log),
+            Self::Tune(command) => command.run(log),
             Self::Compare(command) => command.run(),
             Self::Score(command) => command.run(log),
             Self::Bench(command) => command.run(log),

@@ -7,10 +7,10 @@ use super::individual::Individual;
 use super::islands::best;
 use super::materials::Materials;
 use super::mutation::mutate;
-use super::rng::stream;
 use super::selection::tournament;
 use super::settings::Settings;
 use crate::expr::Tree;
+use crate::tune::stream;
 
 /// The occupant of a place in a new generation.
 #[derive(Clone, Debug)]

@@ -44,9 +44,9 @@ mod tests {
     use super::*;
     use crate::evolve::materials::Materials;
     use crate::evolve::mutation::mutate;
-    use crate::evolve::rng::stream;
     use crate::evolve::settings::Preset;
     use crate::expr::op::Form;
+    use crate::tune::stream;
 
     #[test]
     fn exactly_the_operators_that_commute_are_said_to() {

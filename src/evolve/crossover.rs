@@ -3,10 +3,10 @@
 use rand::RngExt;
 use rand::seq::IndexedRandom;
 
-use super::rng::Stream;
 use super::settings::Settings;
 use super::variation::{ATTEMPTS, positions_of_sort};
 use crate::expr::Tree;
+use crate::tune::Stream;
 
 /// A child of two trees.
 ///
@@ -35,8 +35,8 @@ pub fn crossover(first: &Tree, second: &Tree, settings: &Settings, rng: &mut Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evolve::rng::stream;
     use crate::evolve::settings::Preset;
+    use crate::tune::stream;
 
     #[test]
     fn a_child_is_one_parent_with_a_part_of_the_other() {

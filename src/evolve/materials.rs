@@ -76,8 +76,8 @@ impl Materials {
 mod tests {
     use super::*;
     use crate::evolve::mutation::mutate;
-    use crate::evolve::rng::stream;
     use crate::evolve::settings::Preset;
+    use crate::tune::stream;
 
     #[test]
     fn what_is_forbidden_never_appears() {

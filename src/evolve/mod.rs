@@ -24,8 +24,8 @@
 //! mutation, off in the paper's preset.
 //!
 //! The result depends on the settings and the fitness alone. Random streams
-//! are named ([`rng`]), orders are total ([`individual`]), and what a clock or
-//! a user may end ([`control`]) can go on from its [`Checkpoint`] to the same
+//! are named ([`stream`](crate::tune::stream)), orders are total ([`individual`]), and what a clock or
+//! a user may end ([`Control`]) can go on from its [`Checkpoint`] to the same
 //! result.
 //!
 //! Only one room of this floor knows of images: [`images`], the paper's
@@ -59,7 +59,6 @@
 pub mod breeding;
 pub mod canonical;
 pub mod checkpoint;
-pub mod control;
 pub mod crossover;
 mod encoding;
 pub mod error;
@@ -74,15 +73,14 @@ pub mod materials;
 pub mod memo;
 pub mod mutation;
 pub mod race;
-pub mod rng;
 pub mod search;
 pub mod selection;
 pub mod settings;
 pub mod summary;
 mod variation;
 
+pub use crate::tune::{Checkpoints, Control, Ending};
 pub use checkpoint::Checkpoint;
-pub use control::{Checkpoints, Control, Ending};
 pub use error::Error;
 pub use event::Event;
 pub use fitness::Fitness;

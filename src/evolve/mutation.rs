@@ -6,10 +6,10 @@ use rand::RngExt;
 use rand::seq::IndexedRandom;
 
 use super::materials::Materials;
-use super::rng::Stream;
 use super::settings::{MutationWeights, Settings};
 use super::variation::{ATTEMPTS, positions_of_sort};
 use crate::expr::{Sort, Symbol, Tree};
+use crate::tune::Stream;
 
 /// A kind of mutation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,8 +116,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::evolve::rng::stream;
     use crate::evolve::settings::Preset;
+    use crate::tune::stream;
 
     /// Applies a kind at many random places; the distinct results as text.
     fn mutants(kind: Mutation, of: &str) -> Vec<String> {

@@ -6,7 +6,6 @@ use rayon::prelude::*;
 
 use super::breeding::{Child, Place, initial, offspring};
 use super::checkpoint::{Checkpoint, State};
-use super::control::{Control, Ending, Watch};
 use super::error::Error;
 use super::event::Event;
 use super::fitness::Fitness;
@@ -18,6 +17,7 @@ use super::memo::Newcomer;
 use super::race::{Entrant, Ruling, Work, bar};
 use super::settings::Settings;
 use crate::expr::Tree;
+use crate::tune::{Control, Ending, Watch};
 
 /// A search under way.
 pub struct Search<'a, F> {

@@ -3,7 +3,7 @@
 use rand::seq::IndexedRandom;
 
 use super::individual::Individual;
-use super::rng::Stream;
+use crate::tune::Stream;
 
 /// The winner among `entrants` individuals drawn at random, with replacement.
 pub fn tournament<'a>(
@@ -20,8 +20,8 @@ pub fn tournament<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evolve::rng::stream;
     use crate::expr::Tree;
+    use crate::tune::stream;
 
     #[test]
     fn a_tournament_prefers_the_fit_and_a_larger_one_more_so() {

@@ -19,8 +19,8 @@ mod tests {
     use crate::evolve::crossover::crossover;
     use crate::evolve::materials::Materials;
     use crate::evolve::mutation::mutate;
-    use crate::evolve::rng::stream;
     use crate::evolve::settings::{Preset, Settings};
+    use crate::tune::stream;
 
     proptest! {
         #[test]

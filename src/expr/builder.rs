@@ -83,6 +83,11 @@ impl Builder {
         self.tape.range(value)
     }
 
+    /// How a value is made.
+    pub(crate) fn instr(&self, value: Value) -> Instr {
+        self.tape.instr(value)
+    }
+
     /// The value's constant, if it is one.
     pub fn constant_of(&self, value: Value) -> Option<f32> {
         match self.tape.instr(value) {

@@ -26,25 +26,25 @@ use super::builder::{Builder, LIMIT};
 use super::tape::Value;
 
 /// The derivative where |x| is less than the bound, 0 elsewhere: of what clamps x.
-pub(super) fn inside(b: &mut Builder, x: Value, bound: f32, derivative: Value) -> Value {
+pub(crate) fn inside(b: &mut Builder, x: Value, bound: f32, derivative: Value) -> Value {
     let (magnitude, zero) = (b.abs(x), b.constant(0.0));
     b.select_below(magnitude, bound, derivative, zero)
 }
 
 /// The derivative where the result is not clamped, 0 elsewhere.
-pub(super) fn unless_limited(b: &mut Builder, result: Value, derivative: Value) -> Value {
+pub(crate) fn unless_limited(b: &mut Builder, result: Value, derivative: Value) -> Value {
     inside(b, result, LIMIT, derivative)
 }
 
 /// -1, 0 or 1.
-pub(super) fn sign(b: &mut Builder, x: Value) -> Value {
+pub(crate) fn sign(b: &mut Builder, x: Value) -> Value {
     let [minus, zero, one] = [-1.0, 0.0, 1.0].map(|c| b.constant(c));
     let positive = b.select_lt(zero, x, one, zero);
     b.select_below(x, 0.0, minus, positive)
 }
 
 /// The derivative of an even function from that at |x|.
-pub(super) fn of_even(b: &mut Builder, x: Value, at_magnitude: Value) -> Value {
+pub(crate) fn of_even(b: &mut Builder, x: Value, at_magnitude: Value) -> Value {
     let minus = b.neg(at_magnitude);
     b.select_below(x, 0.0, minus, at_magnitude)
 }

@@ -60,6 +60,9 @@ pub enum Input {
     PerTap(u32),
     /// The k-th of the planes that a program's kernel reads, at pixel i or j.
     Signal(u32, Side),
+    /// The k-th number of a program's [`Constants`](super::constants::Constants), where its
+    /// value is given when the code runs.
+    Constant(u32),
 }
 
 /// A primitive operation on `f32`. No primitive traps; operands out of the

@@ -60,24 +60,21 @@ fn together(first: &MapKernel, second: &MapKernel, share: bool) -> MapKernel {
     };
     // Inputs that the first map gives keep numbers that nothing else has.
     let given = u32::MAX / 2;
-    let tape = second.tape.with_inputs(|input| {
-        let Input::Signal(k, side) = input else { unreachable!("maps read signals alone") };
-        let read = second.reads[k as usize];
-        Input::Signal(
-            match written(&read) {
-                Some(result) => given + result as u32,
-                None => number(&mut reads, read),
-            },
-            side,
-        )
+    let tape = second.renumbered(|read| match written(&read) {
+        Some(result) => given + result as u32,
+        None => number(&mut reads, read),
     });
     let result = |input| match input {
         Input::Signal(k, _) => k.checked_sub(given).map(|result| result as usize),
-        Input::Plane(..) | Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) => None,
+        Input::Plane(..)
+        | Input::Offset(_)
+        | Input::PerPixel(..)
+        | Input::PerTap(_)
+        | Input::Constant(_) => None,
     };
     let tape = Tape::joined(&first.tape, &tape, share, result);
     let writes = [first.writes.as_slice(), &second.writes].concat();
-    MapKernel { tape, reads, writes, grid: first.grid }
+    MapKernel::new(tape, reads, writes, first.grid)
 }
 
 /// The position of something in a list, at whose end it is put if it is not there yet.

@@ -17,6 +17,8 @@ use crate::expr::tape::{Input, Instr, Prim, Side, Tape, Value};
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Rate {
     Constant,
+    /// Named constants, whose values are given when the code runs.
+    Uniform,
     Tap,
     Pixel(Side),
     Pair,
@@ -29,12 +31,14 @@ impl Rate {
                 Self::Pixel(side)
             }
             Input::Offset(_) | Input::PerTap(_) => Self::Tap,
+            Input::Constant(_) => Self::Uniform,
         }
     }
 
     fn join(self, other: Self) -> Self {
         match (self, other) {
             (Self::Constant, rate) | (rate, Self::Constant) => rate,
+            (Self::Uniform, rate) | (rate, Self::Uniform) => rate,
             (a, b) if a == b => a,
             _ => Self::Pair,
         }
@@ -44,10 +48,10 @@ impl Rate {
 /// What is computed for every tap, every pixel and every pair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tapes {
-    /// Computes, from the offset, what the pair tape reads as `PerTap`.
+    /// Computes, from the offset and named constants, what the pair tape reads as `PerTap`.
     pub tap: Tape,
-    /// Computes, from planes at pixel i, what the pair tape reads as `PerPixel`,
-    /// at either pixel.
+    /// Computes, from planes at pixel i and named constants, what the pair tape reads as
+    /// `PerPixel`, at either pixel.
     pub pixel: Tape,
     /// Computes the weights.
     pub pair: Tape,
@@ -61,12 +65,45 @@ impl Tapes {
             .chain(self.pair.inputs())
             .filter_map(|input| match input {
                 Input::Plane(plane, _) => Some(plane),
-                Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) | Input::Signal(..) => {
-                    None
-                }
+                Input::Offset(_)
+                | Input::PerPixel(..)
+                | Input::PerTap(_)
+                | Input::Signal(..)
+                | Input::Constant(_) => None,
             })
             .collect()
     }
+}
+
+/// Splits the tape of a map: into what hangs on named constants alone, and the rest, which
+/// reads that as `PerTap`.
+pub(super) fn uniform(tape: &Tape) -> [Tape; 2] {
+    let rates = rates(tape);
+    let is_uniform = |k: usize| rates[k] == Rate::Uniform;
+    let mut crosses = vec![false; tape.instrs().len()];
+    for (k, instr) in tape.instrs().iter().enumerate() {
+        if !is_uniform(k) {
+            instr.operands().iter().for_each(|a| crosses[a.index()] |= is_uniform(a.index()));
+        }
+    }
+    tape.results().iter().for_each(|r| crosses[r.index()] |= is_uniform(r.index()));
+    let mut results = Vec::new();
+    let mut rest = Tape::default();
+    let mut renamed: Vec<Option<Value>> = vec![None; tape.instrs().len()];
+    for (value, _) in tape.iter() {
+        let k = value.index();
+        renamed[k] = match (crosses[k], is_uniform(k)) {
+            (true, _) => {
+                let input = Input::PerTap(number(&mut results, value));
+                Some(rest.push(Instr::Input(input), tape.range(value)))
+            }
+            (false, true) => None,
+            (false, false) => Some(rest.push_from(tape, value, |v| renamed[v.index()])),
+        };
+    }
+    let kept = |r: &Value| renamed[r.index()].expect("results stay or cross");
+    let kept: Vec<Value> = tape.results().iter().map(kept).collect();
+    [tape.clone().finish(&results), rest.finish(&kept)]
 }
 
 /// Splits the tape. With `hoist` off only the bare offsets leave the pair tape:
@@ -77,9 +114,9 @@ pub(super) fn split(tape: &Tape, hoist: bool, mirrored: bool) -> Tapes {
     let rates = rates(tape);
     let twins = if mirrored { twins(tape) } else { vec![None; tape.instrs().len()] };
     let hoisted = |k: usize| match (tape.instrs()[k], rates[k]) {
-        (Instr::Input(Input::Offset(_)), _) => true,
+        (Instr::Input(Input::Offset(_) | Input::Constant(_)), _) => true,
         (Instr::Const(_) | Instr::Input(_), _) => false,
-        (Instr::Prim(..), Rate::Tap | Rate::Pixel(Side::I)) => hoist,
+        (Instr::Prim(..), Rate::Uniform | Rate::Tap | Rate::Pixel(Side::I)) => hoist,
         (Instr::Prim(..), Rate::Pixel(Side::J)) => hoist && twins[k].is_some(),
         (Instr::Prim(..), Rate::Constant | Rate::Pair) => false,
     };
@@ -104,7 +141,7 @@ pub(super) fn split(tape: &Tape, hoist: bool, mirrored: bool) -> Tapes {
     for (value, _) in tape.iter().filter(|(value, _)| crosses[value.index()]) {
         let k = value.index();
         crossing[k] = Some(match rates[k] {
-            Rate::Tap => Input::PerTap(number(&mut tap_results, value)),
+            Rate::Uniform | Rate::Tap => Input::PerTap(number(&mut tap_results, value)),
             Rate::Pixel(Side::I) => Input::PerPixel(number(&mut pixel_results, value), Side::I),
             Rate::Pixel(Side::J) => {
                 let twin = twins[k].expect("nothing else is hoisted of pixel j");
@@ -148,7 +185,8 @@ fn twins(tape: &Tape) -> Vec<Option<Value>> {
     let mut twins: Vec<Option<Value>> = Vec::with_capacity(tape.instrs().len());
     for (value, instr) in tape.iter() {
         twins.push(match *instr {
-            Instr::Const(_) | Instr::Input(Input::Offset(_) | Input::PerTap(_)) => Some(value),
+            Instr::Const(_)
+            | Instr::Input(Input::Offset(_) | Input::PerTap(_) | Input::Constant(_)) => Some(value),
             Instr::Input(Input::Plane(plane, side)) => {
                 made.get(&Instr::Input(Input::Plane(plane, side.other()))).copied()
             }

@@ -14,6 +14,8 @@ use crate::filter::{Grid, Window};
 /// A value at every pixel.
 #[derive(Clone, Debug)]
 pub struct MapKernel {
+    /// Computes what the other tape reads as [`PerTap`](Input::PerTap), from named constants.
+    pub uniform: Tape,
     /// Computes the results from [`Signal`](Input::Signal)s at pixel i.
     pub tape: Tape,
     /// The planes behind the signals, by their number.
@@ -24,32 +26,55 @@ pub struct MapKernel {
     pub grid: Grid,
 }
 
-/// A weighted mean over a window.
+/// A loop over pairs of pixels.
 #[derive(Clone, Debug)]
-pub struct GatherKernel {
-    /// Computes what the pair tape reads as [`PerTap`](Input::PerTap), from the offset.
+pub struct PairLoop {
+    /// Computes what the pair tape reads as [`PerTap`](Input::PerTap), from the offset and
+    /// named constants.
     pub tap: Tape,
-    /// Computes the weight, and if there is a variance its square; if `mirrored` the same
-    /// for the pixels exchanged after them. Reads features, signals and taps.
+    /// Computes what is summed; if `mirrored` the same for the pixels exchanged after that.
+    /// Reads features, signals and taps.
     pub pair: Tape,
     /// Whether the pair tape computes both ends of a pair.
     pub mirrored: bool,
-    /// Whether a weight may be negative.
-    pub signed: bool,
     /// The taps, in the order of summation; half of them if `mirrored`.
     pub runs: Vec<Run>,
     /// How far the taps reach, in pixels.
     pub reach: usize,
     /// The planes behind the signals, by their number.
     pub reads: Vec<StagePlane>,
+}
+
+/// A weighted mean over a window.
+#[derive(Clone, Debug)]
+pub struct GatherKernel {
+    /// Computes the weight, and if there is a variance its square.
+    pub pairs: PairLoop,
+    /// Whether a weight may be negative.
+    pub signed: bool,
     /// What is averaged.
     pub channels: Vec<StagePlane>,
     /// Where the means go, and what they are kept within.
     pub writes: Vec<(StagePlane, Interval)>,
     /// The plane of variances, and where the means' variance goes.
     pub variance: Option<(StagePlane, StagePlane, Interval)>,
+    /// Where one over the sum of the weights goes, 0 where they cannot be trusted: gradients
+    /// ask for it.
+    pub inverse: Option<StagePlane>,
     /// Which stage it is.
     pub stage: usize,
+    /// The pixels that it computes.
+    pub grid: Grid,
+}
+
+/// Sums over a window, of what is computed for every pair: they are what a gather's adjoints
+/// are made of.
+#[derive(Clone, Debug)]
+pub struct SumKernel {
+    /// Computes what is summed, for both ends of a pair at once.
+    pub pairs: PairLoop,
+    /// Where the sums go.
+    pub writes: Vec<StagePlane>,
     /// The pixels that it computes.
     pub grid: Grid,
 }
@@ -78,6 +103,32 @@ pub struct ResampleKernel {
     pub grid: Grid,
 }
 
+/// The transpose of a linear kernel: each pixel hands back what it was made of. It is
+/// computed for whole images.
+#[derive(Clone, Debug)]
+pub struct TransposeKernel {
+    /// Of which kernel.
+    pub of: Linear,
+    /// What is handed back: one plane, or of [`Linear::Shifts`] one per place.
+    pub reads: Vec<StagePlane>,
+    /// Where it goes.
+    pub writes: StagePlane,
+    /// The grid of the result.
+    pub grid: Grid,
+}
+
+/// A kernel whose results are sums of what it reads, by shares that are known.
+#[derive(Clone, Debug)]
+pub enum Linear {
+    /// A map that reads a plane so many columns to the right and rows below, where the image's
+    /// edge is repeated.
+    Shifts(Vec<[i8; 2]>),
+    /// A kernel that reads a plane on another grid.
+    Resample,
+    /// A mean by equal weights.
+    Box(Window),
+}
+
 /// A step of a schedule.
 #[derive(Clone, Debug)]
 pub enum Kernel {
@@ -89,6 +140,12 @@ pub enum Kernel {
     Box(BoxKernel),
     /// A plane on another grid.
     Resample(ResampleKernel),
+    /// Sums over a window.
+    Sum(SumKernel),
+    /// The transpose of a linear kernel.
+    Transpose(TransposeKernel),
+    /// Planes that whoever runs the schedule provides before anything after this is computed.
+    Given(Vec<StagePlane>),
 }
 
 /// An earlier kernel's plane that a kernel reads.
@@ -123,6 +180,10 @@ impl Kernel {
             Self::Gather(gather) => gather.grid,
             Self::Box(mean) => mean.grid,
             Self::Resample(resample) => resample.grid,
+            Self::Sum(sum) => sum.grid,
+            Self::Transpose(transpose) => transpose.grid,
+            // Gradients begin with what is owed to the result.
+            Self::Given(_) => Grid::Full,
         }
     }
 
@@ -132,10 +193,14 @@ impl Kernel {
             Self::Map(map) => map.writes.clone(),
             Self::Gather(gather) => {
                 let variance = gather.variance.iter().map(|&(_, plane, _)| plane);
-                gather.writes.iter().map(|&(plane, _)| plane).chain(variance).collect()
+                let means = gather.writes.iter().map(|&(plane, _)| plane);
+                means.chain(variance).chain(gather.inverse).collect()
             }
             Self::Box(mean) => mean.writes.iter().map(|&(plane, _)| plane).collect(),
             Self::Resample(resample) => vec![resample.writes],
+            Self::Sum(sum) => sum.writes.clone(),
+            Self::Transpose(transpose) => vec![transpose.writes],
+            Self::Given(planes) => planes.clone(),
         }
     }
 
@@ -158,34 +223,20 @@ impl Kernel {
                 map.reads.iter().filter_map(look).collect()
             }
             Self::Gather(gather) => {
-                let look = |plane: StagePlane, columns: Columns| Look {
-                    plane,
-                    above: gather.reach,
-                    below: gather.reach,
-                    columns,
-                };
-                let around: BTreeSet<u32> = gather
-                    .pair
-                    .inputs()
-                    .filter_map(|input| match input {
-                        Input::Signal(k, Side::J) => Some(k),
-                        Input::Signal(_, Side::I)
-                        | Input::Plane(..)
-                        | Input::Offset(_)
-                        | Input::PerPixel(..)
-                        | Input::PerTap(_) => None,
-                    })
-                    .collect();
-                // Mirrored kernels compute columns beside the image, too.
-                let columns = |k: u32| match around.contains(&k) || gather.mirrored {
-                    true => Columns::Around,
-                    false => Columns::Own,
-                };
-                let reads = (0..).zip(&gather.reads).map(|(k, &plane)| look(plane, columns(k)));
+                let reach = gather.pairs.reach;
+                let (above, below, columns) = (reach, reach, Columns::Averaged);
                 let variance = gather.variance.iter().map(|&(source, ..)| source);
                 let averaged = gather.channels.iter().copied().chain(variance);
-                reads.chain(averaged.map(|plane| look(plane, Columns::Averaged))).collect()
+                let averaged = averaged.map(|plane| Look { plane, above, below, columns });
+                gather.pairs.looks().into_iter().chain(averaged).collect()
             }
+            Self::Sum(sum) => sum.pairs.looks(),
+            Self::Transpose(transpose) => {
+                let columns = Columns::Own;
+                let look = |&plane| Look { plane, above: 0, below: 0, columns };
+                transpose.reads.iter().map(look).collect()
+            }
+            Self::Given(_) => Vec::new(),
             Self::Box(mean) => {
                 let reach = mean.window.reach() as usize;
                 let (above, below, columns) = (reach, reach, Columns::Averaged);
@@ -209,17 +260,10 @@ impl Kernel {
         };
         match self {
             Self::Map(map) => map.reads.iter().filter_map(|read| feature(read.source)).collect(),
-            Self::Gather(gather) => {
-                let planes = gather.pair.inputs().filter_map(|input| match input {
-                    Input::Plane(plane, _) => Some(plane),
-                    Input::Offset(_)
-                    | Input::PerPixel(..)
-                    | Input::PerTap(_)
-                    | Input::Signal(..) => None,
-                });
-                planes.collect()
+            Self::Gather(GatherKernel { pairs, .. }) | Self::Sum(SumKernel { pairs, .. }) => {
+                pairs.planes().into_iter().collect()
             }
-            Self::Box(_) => BTreeSet::new(),
+            Self::Box(_) | Self::Transpose(_) | Self::Given(_) => BTreeSet::new(),
             Self::Resample(resample) => feature(resample.reads).into_iter().collect(),
         }
     }
@@ -231,9 +275,12 @@ impl Kernel {
                 let shifts = map.reads.iter().flat_map(|read| read.shift);
                 shifts.map(|shift| usize::from(shift.unsigned_abs())).max().unwrap_or(0)
             }
-            Self::Gather(gather) => gather.reach,
+            Self::Gather(GatherKernel { pairs, .. }) | Self::Sum(SumKernel { pairs, .. }) => {
+                pairs.reach
+            }
             Self::Box(mean) => mean.window.reach() as usize,
             Self::Resample(_) => 1,
+            Self::Transpose(_) | Self::Given(_) => 0,
         }
     }
 
@@ -241,7 +288,12 @@ impl Kernel {
     /// many rows: the same, unless it leads from one grid to the other.
     pub fn stands(&self, rows: Range<usize>, height: usize) -> Range<usize> {
         match self {
-            Self::Map(_) | Self::Gather(_) | Self::Box(_) => rows,
+            Self::Map(_)
+            | Self::Gather(_)
+            | Self::Box(_)
+            | Self::Sum(_)
+            | Self::Transpose(_)
+            | Self::Given(_) => rows,
             // Two rows each.
             Self::Resample(ResampleKernel { grid: Grid::Half, .. }) => {
                 2 * rows.start..(2 * rows.end).min(height)
@@ -252,6 +304,63 @@ impl Kernel {
                 rows.start.saturating_sub(1) / 2..(rows.end / 2 + 1).min(last)
             }
         }
+    }
+}
+
+impl MapKernel {
+    /// A map that computes all in one tape, named constants among what that reads.
+    pub(super) fn new(tape: Tape, reads: Vec<Read>, writes: Vec<StagePlane>, grid: Grid) -> Self {
+        Self { uniform: Tape::default(), tape, reads, writes, grid }
+    }
+
+    /// The tape with its signals numbered anew.
+    pub(super) fn renumbered(&self, mut number: impl FnMut(Read) -> u32) -> Tape {
+        self.tape.with_inputs(|input| match input {
+            Input::Signal(k, side) => Input::Signal(number(self.reads[k as usize]), side),
+            Input::Constant(_) => input,
+            Input::Plane(..) | Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) => {
+                unreachable!("maps read signals and constants alone")
+            }
+        })
+    }
+}
+
+impl PairLoop {
+    /// The features' planes that the pair tape reads, each once.
+    pub fn planes(&self) -> Vec<PlaneId> {
+        let planes = self.pair.inputs().filter_map(|input| match input {
+            Input::Plane(plane, _) => Some(plane),
+            Input::Offset(_)
+            | Input::PerPixel(..)
+            | Input::PerTap(_)
+            | Input::Signal(..)
+            | Input::Constant(_) => None,
+        });
+        planes.collect::<BTreeSet<PlaneId>>().into_iter().collect()
+    }
+
+    fn looks(&self) -> Vec<Look> {
+        let around: BTreeSet<u32> = self
+            .pair
+            .inputs()
+            .filter_map(|input| match input {
+                Input::Signal(k, Side::J) => Some(k),
+                Input::Signal(_, Side::I)
+                | Input::Plane(..)
+                | Input::Offset(_)
+                | Input::PerPixel(..)
+                | Input::PerTap(_)
+                | Input::Constant(_) => None,
+            })
+            .collect();
+        // Mirrored kernels compute columns beside the image, too.
+        let columns = |k: u32| match around.contains(&k) || self.mirrored {
+            true => Columns::Around,
+            false => Columns::Own,
+        };
+        let (above, below) = (self.reach, self.reach);
+        let look = |(k, &plane)| Look { plane, above, below, columns: columns(k) };
+        (0..).zip(&self.reads).map(look).collect()
     }
 }
 

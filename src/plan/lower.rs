@@ -4,12 +4,12 @@ use std::cell::RefCell;
 
 use super::Precision;
 use crate::expr::builder::{Builder, LIMIT};
-use crate::expr::constants::{Constants, Layer};
+use crate::expr::constants::Constants;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::expr::function::VectorFunction;
 use crate::expr::interval::Interval;
 use crate::expr::op::{Form, Op};
-use crate::expr::symbol::{Place, Source, Symbol, Variadic};
+use crate::expr::symbol::{LayerRef, Place, Source, Symbol, Variadic};
 use crate::expr::tape::{Axis, Input, Side, Value};
 use crate::expr::tree::Tree;
 use crate::filter::Window;
@@ -39,6 +39,9 @@ pub(super) struct Surroundings<'a> {
     pub(super) precision: Precision,
     /// The program's named constants.
     pub(super) constants: &'a Constants,
+    /// Whether those that may be tuned are read as [`Input::Constant`]: then the code serves
+    /// any values of theirs.
+    pub(super) tuned: bool,
     /// What is read as [`Input::Signal`], each once: everything in a map, the results of
     /// earlier stages in a gather, which reads features as [`Input::Plane`].
     pub(super) reads: &'a RefCell<Vec<Read>>,
@@ -73,11 +76,11 @@ impl Surroundings<'_> {
         }
     }
 
-    fn is_map(&self) -> bool {
+    pub(super) fn is_map(&self) -> bool {
         self.window.is_none()
     }
 
-    fn read(&self, b: &mut Builder, source: Source, place: Place) -> Value {
+    pub(super) fn read(&self, b: &mut Builder, source: Source, place: Place) -> Value {
         let range = (self.range)(source);
         let (side, shift) = match place {
             Place::Side(side) if self.mirrored => (side.other(), [0, 0]),
@@ -98,6 +101,60 @@ impl Surroundings<'_> {
                 b.input(Input::Signal(k as u32, side), range)
             }
         }
+    }
+
+    /// A named constant.
+    fn param(&self, b: &mut Builder, k: u16) -> Value {
+        let param = &self.constants.params[usize::from(k)];
+        match self.tuned && param.tuned {
+            true => {
+                let [low, high] = param.bounds;
+                b.input(Input::Constant(k.into()), Interval::new(low, high))
+            }
+            false => b.constant(param.value.clamp(-LIMIT, LIMIT)),
+        }
+    }
+
+    /// A number of a layer's block: a component of b after the last column of W.
+    pub(super) fn weight(
+        &self,
+        b: &mut Builder,
+        layer: LayerRef,
+        row: usize,
+        column: usize,
+    ) -> Value {
+        let block = &self.constants.layers[usize::from(layer.layer)];
+        match self.tuned {
+            true => {
+                let start = self.constants.start_of_layer(layer.layer.into());
+                let k = start + block.place(row, column);
+                b.input(Input::Constant(k as u32), Interval::new(-LIMIT, LIMIT))
+            }
+            false => b.constant(match column == block.columns() {
+                true => block.bias[row],
+                false => block.weights[row][column],
+            }),
+        }
+    }
+
+    /// W x + b, each row summed from the left. Values stay within ±LIMIT.
+    fn linear(&self, b: &mut Builder, layer: LayerRef, x: &[Value]) -> Vec<Value> {
+        let rows = 0..usize::from(layer.rows);
+        rows.map(|row| {
+            let mut sum = self.weight(b, layer, row, x.len());
+            for (column, &x) in x.iter().enumerate() {
+                let weight = self.weight(b, layer, row, column);
+                sum = b.fma(weight, x, sum);
+            }
+            b.limited(sum)
+        })
+        .collect()
+    }
+
+    /// The components of a bare feature.
+    pub(super) fn bare(&self, b: &mut Builder, symbol: Symbol, place: Place) -> Vec<Value> {
+        let (feature, quantity) = symbol.reads().expect("it is a feature");
+        self.components(b, Operand::Vector(feature, quantity), place)
     }
 
     /// From i to j, which is minus as far from j to i.
@@ -182,10 +239,7 @@ pub(super) fn lower(b: &mut Builder, tree: &Tree, at: &Surroundings<'_>) -> Vec<
             Symbol::Const(literal) => {
                 Operand::Scalar(b.constant(literal.value().clamp(-LIMIT, LIMIT)))
             }
-            Symbol::Param(k) => {
-                let value = at.constants.params[usize::from(k)].value;
-                Operand::Scalar(b.constant(value.clamp(-LIMIT, LIMIT)))
-            }
+            Symbol::Param(k) => Operand::Scalar(at.param(b, k)),
             Symbol::Offset => {
                 Operand::Wide([Axis::X, Axis::Y].map(|axis| at.offset(b, axis)).into())
             }
@@ -235,8 +289,7 @@ pub(super) fn lower(b: &mut Builder, tree: &Tree, at: &Surroundings<'_>) -> Vec<
             }
             Symbol::Linear(layer) => {
                 let operands = all_components(b, at, &places, operands, &mut nodes);
-                let layer = &at.constants.layers[usize::from(layer.layer)];
-                Operand::Wide(linear(b, layer, &operands[0]))
+                Operand::Wide(at.linear(b, layer, &operands[0]))
             }
         };
         nodes.push(match &operand {
@@ -373,20 +426,6 @@ fn middle(b: &mut Builder, mut values: Vec<Value>) -> Value {
         pool.extend(rest.next());
     }
     pool[0]
-}
-
-/// W x + b, each row summed from the left. Values stay within ±LIMIT.
-fn linear(b: &mut Builder, layer: &Layer, x: &[Value]) -> Vec<Value> {
-    let rows = layer.weights.iter().zip(&layer.bias);
-    rows.map(|(row, &bias)| {
-        let mut sum = b.constant(bias);
-        for (&weight, &x) in row.iter().zip(x) {
-            let weight = b.constant(weight);
-            sum = b.fma(weight, x, sum);
-        }
-        b.limited(sum)
-    })
-    .collect()
 }
 
 /// What is known of every node's components, by position: of several components what

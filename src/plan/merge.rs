@@ -223,6 +223,7 @@ mod tests {
             step: 1,
             precision: crate::plan::Precision::Standard,
             constants: &crate::expr::Constants::default(),
+            tuned: false,
             reads: &std::cell::RefCell::default(),
         };
         merge(&tree, &super::super::lower::ranges(&tree, &at)).to_string()

@@ -17,9 +17,12 @@
 //! A plan's fields are private: what a back end sees has been through here, so
 //! it may rely on what is promised below and contains no policy of its own.
 
+mod adjoint;
 mod fuse;
+mod gradient;
 mod hoist;
 mod kernel;
+mod lift;
 mod lower;
 mod merge;
 mod passes;
@@ -40,9 +43,11 @@ use crate::expr::tree::Tree;
 use crate::filter::{Checked, Window};
 use crate::scene::facts::{Fact, Facts};
 
+pub use gradient::{Factor, Gradient, Total};
 pub use hoist::Tapes;
 pub use kernel::{
-    BoxKernel, Columns, Edges, GatherKernel, Kernel, Look, MapKernel, ResampleKernel,
+    BoxKernel, Columns, Edges, GatherKernel, Kernel, Linear, Look, MapKernel, PairLoop,
+    ResampleKernel, SumKernel, TransposeKernel,
 };
 pub use lower::Read;
 pub use passes::{PASSES, PassRow, Passes};

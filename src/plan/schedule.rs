@@ -22,8 +22,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::fuse::{fuse, number};
-use super::kernel::{BoxKernel, Columns, Edges, GatherKernel, Kernel, MapKernel, ResampleKernel};
+use super::hoist::{self, Tapes};
+use super::kernel::{
+    BoxKernel, Columns, Edges, GatherKernel, Kernel, MapKernel, PairLoop, ResampleKernel,
+};
+use super::lift::{changes, lift};
 use super::lower::{self, Read, Surroundings};
+use super::taps::Taps;
 use super::window::{Around, Averaged};
 use super::{Passes, PlanError, WindowPlan, assumed, feature_range};
 use crate::expr::builder::{Builder, DIVISOR_MIN, LIMIT};
@@ -32,7 +37,7 @@ use crate::expr::interval::Interval;
 use crate::expr::symbol::{Source, StagePlane, Symbol};
 use crate::expr::tape::{Input, Instr, Side, Tape, Value};
 use crate::expr::tree::Tree;
-use crate::filter::{Checked, Filter, Gather, Grid, Resolved, StageKind};
+use crate::filter::{Checked, Filter, Gather, Grid, Resolved, StageKind, Window};
 use crate::scene::{Fact, Facts};
 
 /// A component of the filtered colour.
@@ -72,7 +77,7 @@ impl Program {
     /// # Errors
     /// If a feature is absent that the filter cannot do without.
     pub fn new(filter: &Checked<'_>, facts: &Facts, passes: Passes) -> Result<Self, PlanError> {
-        Scheduler::new(filter, facts, passes)?.program()
+        Scheduler::new(filter, facts, passes, false)?.program()
     }
 
     /// The rows that each kernel has to compute, on its own grid, for these rows of the
@@ -122,30 +127,61 @@ impl Program {
 
 /// What is known of a component of a stage.
 #[derive(Clone, Copy)]
-struct Component {
-    range: Interval,
+pub(super) struct Component {
+    pub(super) range: Interval,
     /// Whether it is one number everywhere, and stored nowhere.
-    constant: bool,
+    pub(super) constant: bool,
 }
 
-struct Scheduler<'a> {
-    filter: &'a Checked<'a>,
+pub(super) struct Scheduler<'a> {
+    pub(super) filter: &'a Checked<'a>,
     facts: &'a Facts,
-    passes: Passes,
-    kernels: Vec<Kernel>,
+    pub(super) passes: Passes,
+    pub(super) kernels: Vec<Kernel>,
     /// By stage and component, the variance last; hidden stages behind the filter's own.
-    known: BTreeMap<StagePlane, Component>,
+    pub(super) known: BTreeMap<StagePlane, Component>,
     hidden: u16,
     /// Of the stage at hand.
-    grid: Grid,
+    pub(super) grid: Grid,
     /// By stage, hidden ones among them.
     grids: BTreeMap<u16, Grid>,
     /// What stands on another grid as well.
-    resampled: Vec<(Source, StagePlane)>,
+    pub(super) resampled: Vec<(Source, StagePlane)>,
+    /// Whether constants that may be tuned are given when the code runs, and gathers note what
+    /// their adjoints take.
+    tuned: bool,
+    /// The stages that hang on such constants, hidden ones among them.
+    pub(super) changing: BTreeSet<u16>,
+    /// The gathers, by stage.
+    pub(super) gathered: BTreeMap<usize, Gathered>,
+}
+
+/// What is left of a gather for its adjoint.
+#[derive(Clone)]
+pub(super) struct Gathered {
+    /// Its weight, in which features that are absent are replaced.
+    pub(super) weight: Tree,
+    /// What the weight computes of one pixel alone: formulas, and where their values stand.
+    pub(super) lifted: Vec<(Tree, Vec<(StagePlane, Component)>)>,
+    /// The planes that are averaged, by component.
+    pub(super) of: Vec<(StagePlane, Component)>,
+    /// The plane of variances.
+    pub(super) variance: Option<StagePlane>,
+    /// One over the sum of the weights; `None` of a mean by equal weights that is summed down
+    /// columns and along rows.
+    pub(super) inverse: Option<StagePlane>,
+    /// The taps that count, and how far they reach.
+    pub(super) taps: Taps,
+    pub(super) reach: usize,
 }
 
 impl<'a> Scheduler<'a> {
-    fn new(filter: &'a Checked<'a>, facts: &'a Facts, passes: Passes) -> Result<Self, PlanError> {
+    pub(super) fn new(
+        filter: &'a Checked<'a>,
+        facts: &'a Facts,
+        passes: Passes,
+        tuned: bool,
+    ) -> Result<Self, PlanError> {
         for plane in filter.required().named().into_iter().flatten() {
             if facts.get(*plane) == Fact::Absent {
                 let spelling = plane.feature.spelling(plane.quantity);
@@ -164,10 +200,19 @@ impl<'a> Scheduler<'a> {
             grid: Grid::Full,
             grids: BTreeMap::new(),
             resampled: Vec::new(),
+            tuned,
+            changing: if tuned { changing(filter.filter()) } else { BTreeSet::new() },
+            gathered: BTreeMap::new(),
         })
     }
 
     fn program(mut self) -> Result<Program, PlanError> {
+        let output = self.forward()?;
+        Ok(self.finish(output, BTreeSet::new()))
+    }
+
+    /// Adds the kernels of all stages. Returns where the filtered colour stands.
+    pub(super) fn forward(&mut self) -> Result<[Output; 3], PlanError> {
         let filter = self.filter.filter();
         for (k, stage) in filter.stages.iter().enumerate() {
             self.grid = stage.grid;
@@ -181,13 +226,18 @@ impl<'a> Scheduler<'a> {
             }
         }
         let last = filter.stages.len() as u16 - 1;
-        let output = [0, 1, 2].map(|component| {
+        Ok([0, 1, 2].map(|component| {
             let plane = StagePlane { stage: last, component };
             match self.known[&plane] {
                 Component { constant: true, range } => Output::Constant(range.lo),
                 Component { constant: false, .. } => Output::Plane(plane),
             }
-        });
+        }))
+    }
+
+    /// The schedule of the kernels that are needed for the output and for other planes.
+    pub(super) fn finish(self, output: [Output; 3], others: BTreeSet<StagePlane>) -> Program {
+        let filter = self.filter.filter();
         let planes = self.filter.needs().named().cloned().unwrap_or_default();
         let facts = assumed(planes.into_iter(), self.facts, self.passes);
         // What is absent is not assumed to be there.
@@ -197,11 +247,11 @@ impl<'a> Scheduler<'a> {
             true => fuse(self.kernels, self.passes.share),
             false => self.kernels,
         };
-        Ok(finish(kernels, output, filter.clone(), facts))
+        finish(kernels, output, others, filter.clone(), facts)
     }
 
     /// A plane on the grid of the stage at hand, where it is resampled unless it stands there.
-    fn on_grid(&mut self, source: Source) -> Source {
+    pub(super) fn on_grid(&mut self, source: Source) -> Source {
         let grid = match source {
             Source::Feature(_) => Grid::Full,
             Source::Stage(plane) => self.grids[&plane.stage],
@@ -222,19 +272,21 @@ impl<'a> Scheduler<'a> {
     }
 
     /// Runs `lower` with what is known of everything that formulas may read.
-    fn with_surroundings<T>(
+    pub(super) fn with_surroundings<T>(
         &self,
         reads: &RefCell<Vec<Read>>,
+        window: Option<Window>,
         lower: impl FnOnce(&Surroundings<'_>) -> T,
     ) -> T {
         let range = |source| self.range(source);
         lower(&Surroundings {
             range: &range,
-            window: None,
+            window,
             mirrored: false,
             step: self.grid.step() as i32,
             precision: self.passes.precision,
             constants: &self.filter.filter().constants,
+            tuned: self.tuned,
             reads,
         })
     }
@@ -259,7 +311,7 @@ impl<'a> Scheduler<'a> {
     }
 
     /// The formula with features that are absent replaced by those that stand in for them.
-    fn substituted(&self, tree: &Tree) -> Tree {
+    pub(super) fn substituted(&self, tree: &Tree) -> Tree {
         let symbols: Vec<Symbol> = tree
             .symbols()
             .iter()
@@ -285,7 +337,7 @@ impl<'a> Scheduler<'a> {
         let value = self.substituted(value);
         let reads = RefCell::default();
         let mut b = Builder::new(self.passes.rules());
-        let results = self.with_surroundings(&reads, |at| {
+        let results = self.with_surroundings(&reads, None, |at| {
             lower::lower(&mut b, &value, at).pop().expect("a tree has a root")
         });
         let tape = b.finish(&results);
@@ -315,7 +367,12 @@ impl<'a> Scheduler<'a> {
     }
 
     /// Adds a map that stores those results that are not constants.
-    fn push_map(&mut self, tape: Tape, reads: Vec<Read>, known: &[(StagePlane, Component)]) {
+    pub(super) fn push_map(
+        &mut self,
+        tape: Tape,
+        reads: Vec<Read>,
+        known: &[(StagePlane, Component)],
+    ) {
         let stored = known.iter().zip(tape.results().to_vec());
         let (writes, results): (Vec<StagePlane>, Vec<Value>) = stored
             .filter(|((_, component), _)| !component.constant)
@@ -323,12 +380,12 @@ impl<'a> Scheduler<'a> {
             .unzip();
         if !writes.is_empty() {
             let tape = tape.finish(&results);
-            self.kernels.push(Kernel::Map(MapKernel { tape, reads, writes, grid: self.grid }));
+            self.kernels.push(Kernel::Map(MapKernel::new(tape, reads, writes, self.grid)));
         }
     }
 
     /// The number of a stage that the filter does not name.
-    fn hidden_stage(&mut self) -> u16 {
+    pub(super) fn hidden_stage(&mut self) -> u16 {
         self.hidden += 1;
         self.grids.insert(self.hidden - 1, self.grid);
         self.hidden - 1
@@ -364,12 +421,26 @@ impl<'a> Scheduler<'a> {
             self.known.insert(plane(k), component);
         }
 
-        let weight = self.substituted(&gather.weight);
+        let mut weight = self.substituted(&gather.weight);
+        let mut lifted = Vec::new();
+        if self.tuned {
+            let (filter, known) = (self.filter.filter(), self.changing.clone());
+            let changes = |symbol| changes(symbol, filter, &known);
+            weight = lift(&weight, &changes, |map| {
+                let stage = self.hidden_stage();
+                let known = self.map(&map, stage);
+                self.known.extend(known.iter().copied());
+                self.changing.insert(stage);
+                lifted.push((map, known));
+                stage
+            });
+        }
         let variance = variance.map(|(source, known)| (self.stored(source, known), known));
         let channels = averaged.len() + usize::from(variance.is_some()) + 1;
         let range = |source| self.range(source);
         let constants = &self.filter.filter().constants;
-        let around = Around { range: &range, step: self.grid.step() as i32, constants };
+        let (step, tuned) = (self.grid.step() as i32, self.tuned);
+        let around = Around { range: &range, step, constants, tuned };
         let averaged_by = Averaged { channels, squared: variance.is_some() };
         let weights = std::slice::from_ref(&weight);
         let plan = WindowPlan::gather(weights, gather.window, around, averaged_by, self.passes)?;
@@ -392,13 +463,45 @@ impl<'a> Scheduler<'a> {
             (source, plane(of.len()), range)
         });
         let channels = averaged.iter().map(|&k| of[k].0).collect();
+        let mut gathered = Gathered {
+            weight,
+            lifted,
+            of,
+            variance: variance.map(|(source, ..)| source),
+            inverse: None,
+            taps: plan.taps().clone(),
+            reach: plan.support().reach() as usize,
+        };
         let large = gather.window.radius >= SEPARATED;
         if self.passes.separate && large && variance.is_none() && has_equal_weights(&plan) {
             let (window, grid) = (gather.window, self.grid);
             self.kernels.push(Kernel::Box(BoxKernel { channels, writes, window, grid }));
+            self.gathered.insert(stage, gathered);
             return Ok(());
         }
-        self.push_gather(&plan, channels, writes, variance, stage);
+        if self.tuned {
+            gathered.inverse = Some(self.unknown());
+        }
+        let inverse = gathered.inverse;
+        let pairs = self.pairs(
+            plan.mirrored().unwrap_or(plan.tapes()),
+            plan.mirrored().is_some(),
+            plan.taps(),
+            gathered.reach,
+            plan.reads(),
+        );
+        let (signed, grid) = (plan.signed(), self.grid);
+        self.kernels.push(Kernel::Gather(GatherKernel {
+            pairs,
+            signed,
+            channels,
+            writes,
+            variance,
+            inverse,
+            stage,
+            grid,
+        }));
+        self.gathered.insert(stage, gathered);
         Ok(())
     }
 
@@ -412,32 +515,39 @@ impl<'a> Scheduler<'a> {
         let mut b = Builder::new(self.passes.rules());
         let x = b.constant(known.range.lo);
         let tape = b.finish(&[x]);
-        let known = Component { constant: false, ..known };
+        let known = Component { constant: false, range: not_a_point(known.range) };
+        self.known.insert(copy, known);
         self.push_map(tape, Vec::new(), &[(copy, known)]);
         copy
     }
 
-    /// Adds the kernels of a gather: a map for what is computed per pixel, and the loop.
-    fn push_gather(
+    /// A plane on the grid of the stage at hand of which nothing is known.
+    pub(super) fn unknown(&mut self) -> StagePlane {
+        let plane = StagePlane { stage: self.hidden_stage(), component: 0 };
+        self.known.insert(plane, Component { range: Interval::ENTIRE, constant: false });
+        plane
+    }
+
+    /// A loop over pairs, after the map of what it takes per pixel.
+    pub(super) fn pairs(
         &mut self,
-        plan: &WindowPlan,
-        channels: Vec<StagePlane>,
-        writes: Vec<(StagePlane, Interval)>,
-        variance: Option<(StagePlane, StagePlane, Interval)>,
-        stage: usize,
-    ) {
-        let mirrored = plan.mirrored().is_some();
-        let tapes = plan.mirrored().unwrap_or(plan.tapes());
-        let signals: Vec<Source> =
-            plan.reads().iter().map(|read| self.on_grid(read.source)).collect();
+        tapes: &Tapes,
+        mirrored: bool,
+        taps: &Taps,
+        reach: usize,
+        reads: &[Read],
+    ) -> PairLoop {
+        let signals: Vec<Source> = reads.iter().map(|read| self.on_grid(read.source)).collect();
         // Features of another grid are planes of a kernel that resamples them.
         let named = tapes.pixel.inputs().chain(tapes.pair.inputs());
         let named: BTreeSet<PlaneId> = named
             .filter_map(|input| match input {
                 Input::Plane(plane, _) => Some(plane),
-                Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) | Input::Signal(..) => {
-                    None
-                }
+                Input::Offset(_)
+                | Input::PerPixel(..)
+                | Input::PerTap(_)
+                | Input::Signal(..)
+                | Input::Constant(_) => None,
             })
             .collect();
         let features: BTreeMap<PlaneId, Source> =
@@ -449,6 +559,7 @@ impl<'a> Scheduler<'a> {
             let source = match input {
                 Input::Plane(plane, Side::I) => features[&plane],
                 Input::Signal(k, Side::I) => signals[k as usize],
+                Input::Constant(_) => return input,
                 Input::Plane(_, Side::J)
                 | Input::Signal(_, Side::J)
                 | Input::Offset(_)
@@ -478,24 +589,30 @@ impl<'a> Scheduler<'a> {
                 Source::Feature(_) => input,
                 Source::Stage(plane) => Input::Signal(number(&mut reads, plane), side),
             },
-            Input::Offset(_) | Input::PerTap(_) => input,
+            Input::Offset(_) | Input::PerTap(_) | Input::Constant(_) => input,
         });
-        let taps = plan.taps();
-        self.kernels.push(Kernel::Gather(GatherKernel {
-            tap: tapes.tap.clone(),
-            pair,
-            mirrored,
-            signed: plan.signed(),
-            runs: if mirrored { taps.half() } else { taps.runs() }.to_vec(),
-            reach: plan.support().reach() as usize,
-            reads,
-            channels,
-            writes,
-            variance,
-            stage,
-            grid: self.grid,
-        }));
+        let runs = if mirrored { taps.half() } else { taps.runs() }.to_vec();
+        PairLoop { tap: tapes.tap.clone(), pair, mirrored, runs, reach, reads }
     }
+}
+
+/// The stages that hang on constants that may be tuned.
+fn changing(filter: &Filter) -> BTreeSet<u16> {
+    let mut changing = BTreeSet::new();
+    for (k, stage) in (0..).zip(&filter.stages) {
+        let reads =
+            |tree: &Tree| tree.symbols().iter().any(|&symbol| changes(symbol, filter, &changing));
+        let changes = match &stage.kind {
+            StageKind::Map(value) => reads(value),
+            StageKind::Gather(Gather { of, weight, variance, .. }) => {
+                reads(of) || reads(weight) || variance.as_ref().is_some_and(reads)
+            }
+        };
+        if changes {
+            changing.insert(k);
+        }
+    }
+    changing
 }
 
 /// Windows from this radius on are summed down columns and then along rows: the kernel of a
@@ -528,8 +645,15 @@ fn not_a_point(range: Interval) -> Interval {
 }
 
 /// Leaves out what nobody needs, and finds who writes what is read.
-fn finish(kernels: Vec<Kernel>, output: [Output; 3], filter: Filter, facts: Facts) -> Program {
-    let mut buffers: BTreeMap<StagePlane, Edges> = BTreeMap::new();
+fn finish(
+    kernels: Vec<Kernel>,
+    output: [Output; 3],
+    others: BTreeSet<StagePlane>,
+    filter: Filter,
+    facts: Facts,
+) -> Program {
+    let mut buffers: BTreeMap<StagePlane, Edges> =
+        others.into_iter().map(|plane| (plane, Edges::default())).collect();
     for output in output {
         if let Output::Plane(plane) = output {
             buffers.entry(plane).or_default();
@@ -542,7 +666,12 @@ fn finish(kernels: Vec<Kernel>, output: [Output; 3], filter: Filter, facts: Fact
         }
         let kernel = match kernel {
             Kernel::Map(map) => Kernel::Map(without_unread(map, &buffers)),
-            Kernel::Gather(_) | Kernel::Box(_) | Kernel::Resample(_) => kernel,
+            Kernel::Gather(_)
+            | Kernel::Box(_)
+            | Kernel::Resample(_)
+            | Kernel::Sum(_)
+            | Kernel::Transpose(_)
+            | Kernel::Given(_) => kernel,
         };
         // A gather's results stand together, whoever needs them.
         for plane in kernel.writes() {
@@ -577,9 +706,8 @@ fn without_unread(map: MapKernel, buffers: &BTreeMap<StagePlane, Edges>) -> MapK
     let (writes, results): (Vec<StagePlane>, Vec<Value>) =
         stored.filter(|(plane, _)| buffers.contains_key(plane)).unzip();
     let mut reads: Vec<Read> = Vec::new();
-    let tape = map.tape.finish(&results).with_inputs(|input| {
-        let Input::Signal(k, side) = input else { unreachable!("maps read signals alone") };
-        Input::Signal(number(&mut reads, map.reads[k as usize]), side)
-    });
-    MapKernel { tape, reads, writes, grid: map.grid }
+    let kept = MapKernel { tape: map.tape.finish(&results), ..map };
+    let tape = kept.renumbered(|read| number(&mut reads, read));
+    let [uniform, tape] = hoist::uniform(&tape);
+    MapKernel { uniform, tape, reads, writes, grid: kept.grid }
 }

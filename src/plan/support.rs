@@ -119,6 +119,7 @@ mod tests {
             step: 1,
             precision: Precision::Standard,
             constants: &Constants::default(),
+            tuned: false,
             reads: &RefCell::default(),
         };
         extents(&[text.parse::<Tree>().expect("parses")], window, &at)
@@ -165,6 +166,7 @@ mod tests {
             step: 1,
             precision: Precision::Standard,
             constants: &Constants::default(),
+            tuned: false,
             reads: &RefCell::default(),
         };
         let trees: Vec<Tree> = [2.5, 1.5]

@@ -47,6 +47,8 @@ pub(super) struct Around<'a> {
     pub(super) step: i32,
     /// Constants that have names.
     pub(super) constants: &'a Constants,
+    /// Whether their values are given when the code runs.
+    pub(super) tuned: bool,
 }
 
 /// What weights are applied to.
@@ -78,7 +80,8 @@ impl WindowPlan {
             Source::Feature(plane) => feature_range(facts.get(plane), passes),
             Source::Stage(_) => unreachable!("only programs have stages"),
         };
-        let around = Around { range: &range, step: 1, constants: &Constants::default() };
+        let constants = Constants::default();
+        let around = Around { range: &range, step: 1, constants: &constants, tuned: false };
         let averaged = Averaged { channels: COLORS, squared: false };
         let plan = Self::gather(weights, window, around, averaged, passes)?;
         Ok(Self { facts: assumed(weights.iter().flat_map(Tree::planes), facts, passes), ..plan })
@@ -93,7 +96,7 @@ impl WindowPlan {
         averaged: Averaged,
         passes: Passes,
     ) -> Result<Self, PlanError> {
-        let Around { range, step, constants } = around;
+        let Around { range, step, constants, tuned } = around;
         let Averaged { channels, squared } = averaged;
         if window.dilation == 0 {
             return Err(PlanError::Dilation);
@@ -111,6 +114,7 @@ impl WindowPlan {
             step,
             precision,
             constants,
+            tuned,
             reads: &reads,
         };
         let weights: Vec<Cow<'_, Tree>> = weights

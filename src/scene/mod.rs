@@ -17,6 +17,7 @@
 //!
 //! What it does not know: whether the channels hold what their names say.
 
+mod crop;
 pub mod defect;
 pub mod derive;
 mod error;
@@ -42,6 +43,7 @@ mod tests;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+pub use crop::Crop;
 pub use error::SceneError;
 pub use facts::{Fact, Facts};
 pub use folder::{NOISY, REFERENCE, SceneFiles, discover, scene_name};

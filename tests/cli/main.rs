@@ -6,6 +6,7 @@ mod frames;
 mod place;
 mod search;
 mod stress;
+mod tune;
 
 use std::fs;
 use std::process::Stdio;

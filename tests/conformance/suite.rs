@@ -126,7 +126,9 @@ fn scalar(plan: &Plan, scene: &Scene) -> Vec<Filtered> {
                         Input::PerPixel(_, Side::J) => panic!("only mirrored tapes look there"),
                         Input::PerTap(k) => per_tap[k as usize],
                         Input::Offset(_) => panic!("offsets are read through the tap tape"),
-                        Input::Signal(..) => panic!("only programs have stages"),
+                        Input::Signal(..) | Input::Constant(_) => {
+                            panic!("only programs have these")
+                        }
                     });
                     let channel = |c: usize| match inside {
                         true => scene.color()[c].at(beside as usize, below as usize),

@@ -177,7 +177,7 @@ fn random_programs_mean_the_same_to_everyone() {
             for kernel in &program.kernels {
                 if let Kernel::Gather(gather) = kernel {
                     gathers += 1;
-                    mirrored += usize::from(gather.mirrored);
+                    mirrored += usize::from(gather.pairs.mirrored);
                 }
             }
         }
@@ -257,7 +257,7 @@ fn what_nobody_needs_is_not_computed() {
     let unused = filter.stages.iter().position(|stage| stage.name == "unused").expect("there");
     let gathers = all.kernels.iter().filter_map(|kernel| match kernel {
         Kernel::Gather(gather) => Some(gather.stage),
-        Kernel::Map(_) | Kernel::Box(_) | Kernel::Resample(_) => None,
+        _ => None,
     });
     let gathers: Vec<usize> = gathers.collect();
     assert!(!gathers.contains(&unused) && gathers.len() == 3, "{gathers:?}");

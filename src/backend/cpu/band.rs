@@ -64,6 +64,13 @@ impl Band {
         self.origin = rows.start;
     }
 
+    /// Makes room for all rows of the image, and no more.
+    pub(super) fn hold_all(&mut self) {
+        (self.origin, self.room) = (0, self.layout.height());
+        let samples = (self.room + 2) * self.layout.stride();
+        self.sides().for_each(|side| *side = Lines::zeros(samples));
+    }
+
     /// Where a row of the image begins.
     pub(super) fn start(&self, row: usize) -> usize {
         (row + 1 - self.origin) * self.layout.stride()

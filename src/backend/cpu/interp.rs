@@ -3,12 +3,15 @@
 use super::block::{
     Arg, BLOCK, Block as Sums, Chunk, LANES, Program, Slots, accumulate, accumulate_magnitude,
 };
+use super::gradient::GradientCode;
 use super::paper::{CHANNELS, Rates, run, tapes};
-use super::program::{Engine, MapBlock, Mapper, ProgramCode};
+use super::program::{Engine, MapBlock, Mapper, ProgramCode, Summed};
 use super::sums::{Frame, Summer, Taps};
-use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
+use crate::backend::{
+    Agreement, Backend, BackendError, Differentiable, Differentiator, Executable, Filtered, Rect,
+};
 use crate::expr::tape::{Input, Side};
-use crate::plan::{GatherKernel, MapKernel, Plan, WindowPlan};
+use crate::plan::{Gradient, MapKernel, PairLoop, Plan, WindowPlan};
 use crate::scene::Scene;
 
 /// Interprets tapes over blocks of pixels.
@@ -24,11 +27,7 @@ struct Interpreted {
 /// The pair tape, ready to run.
 pub(super) struct Pair {
     program: Program,
-    weights: usize,
-    channels: usize,
-    signed: bool,
-    /// Whether the last weight and the last channel are summed with each other alone.
-    lone: bool,
+    summed: Summed,
     mirrored: bool,
 }
 
@@ -53,15 +52,19 @@ impl Backend for Interpreter {
             Plan::Window(plan) => plan,
             Plan::Program(program) => return Ok(Box::new(ProgramCode::new(self, program)?)),
         };
+        let (weights, signed) = (plan.weights(), plan.signed());
         let pair = Pair {
             program: Program::new(&tapes(plan).pair),
-            weights: plan.weights(),
-            channels: CHANNELS,
-            signed: plan.signed(),
-            lone: false,
+            summed: Summed { channels: CHANNELS, weights, signed, lone: false },
             mirrored: plan.mirrored().is_some(),
         };
         Ok(Box::new(Interpreted { plan: (**plan).clone(), rates: Rates::new(plan), pair }))
+    }
+}
+
+impl Differentiator for Interpreter {
+    fn differentiate(&self, gradient: &Gradient) -> Result<Box<dyn Differentiable>, BackendError> {
+        Ok(Box::new(GradientCode::new(self, gradient)?))
     }
 }
 
@@ -84,16 +87,9 @@ impl Engine for Interpreter {
         Ok(Map { program: Program::new(&kernel.tape) })
     }
 
-    fn gather(&self, kernel: &GatherKernel) -> Result<Pair, BackendError> {
-        let variance = usize::from(kernel.variance.is_some());
-        Ok(Pair {
-            program: Program::new(&kernel.pair),
-            weights: 1 + variance,
-            channels: kernel.channels.len() + variance + 1,
-            signed: kernel.signed,
-            lone: kernel.variance.is_some(),
-            mirrored: kernel.mirrored,
-        })
+    fn pairs(&self, pairs: &PairLoop, summed: Summed) -> Result<Pair, BackendError> {
+        let PairLoop { mirrored, .. } = *pairs;
+        Ok(Pair { program: Program::new(&pairs.pair), summed, mirrored })
     }
 }
 
@@ -107,6 +103,7 @@ impl Mapper for Map {
     fn rows(
         &self,
         inputs: &[&[f32]],
+        uniform: &[f32],
         block: MapBlock,
         slots: &mut Slots,
         outputs: &mut [f32],
@@ -125,11 +122,12 @@ impl Mapper for Map {
                     .map(|input| match *input {
                         // The first input is the constant one.
                         Input::Signal(k, Side::I) => blocks(&inputs[1 + k as usize][at..]),
+                        Input::PerTap(k) => Arg::Splat(uniform[k as usize]),
                         Input::Signal(_, Side::J)
                         | Input::Plane(..)
                         | Input::Offset(_)
                         | Input::PerPixel(..)
-                        | Input::PerTap(_) => unreachable!("maps read signals at i alone"),
+                        | Input::Constant(_) => unreachable!("maps read signals at i alone"),
                     })
                     .collect();
                 run(&self.program, &args, slots, chunks);
@@ -151,12 +149,6 @@ impl Mapper for Map {
 }
 
 impl Pair {
-    /// Sums per pixel.
-    fn results(&self) -> usize {
-        let lone = usize::from(self.lone);
-        (self.weights - lone) * (self.channels - lone + usize::from(self.signed)) + lone
-    }
-
     /// Adds every weight times every channel at `at` to its sum, in order.
     #[inline(always)]
     fn add_tap<'a, 'b>(
@@ -167,20 +159,21 @@ impl Pair {
         mut sums: impl Iterator<Item = &'b mut [Chunk]>,
     ) {
         let mut next = || sums.next().expect("one run of sums per result");
-        let lone = usize::from(self.lone);
-        let (common, apart) = frame.channels.split_at(self.channels - lone);
-        for k in 0..self.weights - lone {
+        let Summed { channels, weights, signed, lone } = self.summed;
+        let lone = usize::from(lone);
+        let (common, apart) = frame.channels.split_at(channels - lone);
+        for k in 0..weights - lone {
             let w = weight(k);
             for channel in common {
                 accumulate(w, channel[at..].as_chunks().0, next());
             }
-            if self.signed {
+            if signed {
                 let one = common[common.len() - 1];
                 accumulate_magnitude(w, one[at..].as_chunks().0, next());
             }
         }
         for channel in apart {
-            accumulate(weight(self.weights - 1), channel[at..].as_chunks().0, next());
+            accumulate(weight(weights - 1), channel[at..].as_chunks().0, next());
         }
     }
 }
@@ -215,7 +208,7 @@ impl Summer for Pair {
                     y: rect.y + row,
                     chunks: block.min(chunks - first),
                     scratch,
-                    sums: &mut sums[row * self.results() * stride + first * LANES..],
+                    sums: &mut sums[row * self.summed.results() * stride + first * LANES..],
                     stride,
                     owed,
                 });
@@ -249,7 +242,7 @@ impl pulp::WithSimd for Block<'_> {
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let Self { pair, frame, chunks, .. } = self;
         let Scratch { slots, partial } = self.scratch;
-        let (program, results) = (&pair.program, pair.results());
+        let (program, results) = (&pair.program, pair.summed.results());
         let layout = frame.layout;
         let here = layout.index(self.x, self.y);
         let per_tap = self.taps.per_tap;
@@ -278,7 +271,9 @@ impl pulp::WithSimd for Block<'_> {
                         }
                         Input::Signal(k, side) => blocks(&frame.signals[k as usize][at(side)..]),
                         Input::PerTap(k) => Arg::Splat(self.taps.values[tap + k as usize]),
-                        Input::Offset(_) => unreachable!("offsets are read through the tap tape"),
+                        Input::Offset(_) | Input::Constant(_) => {
+                            unreachable!("they are read through the tap tape")
+                        }
                     });
                 }
                 tap += per_tap;
@@ -291,7 +286,7 @@ impl pulp::WithSimd for Block<'_> {
                     let owed = self.owed[index * results * layout.stride()..]
                         .chunks_exact_mut(layout.stride())
                         .map(|row| row[column..][..chunks * LANES].as_chunks_mut().0);
-                    pair.add_tap(frame, |k| weight(pair.weights + k), here, owed);
+                    pair.add_tap(frame, |k| weight(pair.summed.weights + k), here, owed);
                 }
             }
             for (result, partial) in partial.chunks().chunks_exact(chunks).enumerate() {

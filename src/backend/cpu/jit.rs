@@ -3,13 +3,16 @@
 
 use tamis_jit::{Body, Chains, Compiler, CpuFeatures, Job, Lanes, Routine, Width, WindowSpec};
 
+use super::gradient::GradientCode;
 use super::paper::{CHANNELS, Rates, tapes};
-use super::program::{self, Engine, MapBlock, Mapper};
+use super::program::{self, Engine, MapBlock, Mapper, Summed};
 use super::sums::{Frame, Summer, Taps};
-use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
+use crate::backend::{
+    Agreement, Backend, BackendError, Differentiable, Differentiator, Executable, Filtered, Rect,
+};
 use crate::expr::feature::PlaneId;
 use crate::expr::tape::{Input, Instr, Prim, Side, Tape};
-use crate::plan::{GatherKernel, MapKernel, Plan, Run, WindowPlan};
+use crate::plan::{Gradient, MapKernel, PairLoop, Plan, Run, WindowPlan};
 use crate::scene::Scene;
 
 /// Compiles tapes to machine code.
@@ -96,7 +99,7 @@ impl Engine for Jit {
         let results = kernel.writes.len();
         let spec = WindowSpec {
             planes: 1 + kernel.reads.len(),
-            taps: 0,
+            taps: kernel.uniform.results().len(),
             channels: 1,
             weights: results,
             absolute: false,
@@ -107,20 +110,19 @@ impl Engine for Jit {
         Ok(Map { kernel: self.compiler.compile(spec, self.chains, &body)? })
     }
 
-    fn gather(&self, kernel: &GatherKernel) -> Result<Pair, BackendError> {
-        let planes = planes(&kernel.pair);
-        let variance = usize::from(kernel.variance.is_some());
-        let channels = kernel.channels.len() + variance + 1;
+    fn pairs(&self, pairs: &PairLoop, summed: Summed) -> Result<Pair, BackendError> {
+        let planes = pairs.planes();
+        let Summed { channels, weights, signed, lone } = summed;
         let spec = WindowSpec {
-            planes: channels + planes.len() + kernel.reads.len(),
-            taps: kernel.tap.results().len(),
+            planes: channels + planes.len() + pairs.reads.len(),
+            taps: pairs.tap.results().len(),
             channels,
-            weights: 1 + variance,
-            absolute: kernel.signed,
-            lone: kernel.variance.is_some(),
-            mirrored: kernel.mirrored,
+            weights,
+            absolute: signed,
+            lone,
+            mirrored: pairs.mirrored,
         };
-        let body = TapeBody { tape: &kernel.pair, planes: &planes, channels };
+        let body = TapeBody { tape: &pairs.pair, planes: &planes, channels };
         let kernel = self.compiler.compile(spec, self.chains, &body)?;
         Ok(Pair { kernel, planes })
     }
@@ -136,6 +138,7 @@ impl Mapper for Map {
     fn rows(
         &self,
         inputs: &[&[f32]],
+        uniform: &[f32],
         block: MapBlock,
         (): &mut (),
         outputs: &mut [f32],
@@ -149,7 +152,7 @@ impl Mapper for Map {
         };
         let runs = [tamis_jit::Run { dx: 0, dy: 0, count: 1, step: 1 }];
         let rect = tamis_jit::Rect { x: 0..width, y: 0..rows };
-        let job = Job { layout, planes: inputs, runs: &runs, taps: &[], rect };
+        let job = Job { layout, planes: inputs, runs: &runs, taps: uniform, rect };
         self.kernel.run(&job, outputs, &mut [])?;
         Ok(())
     }
@@ -176,6 +179,12 @@ impl Backend for Jit {
         let kernel = self.compiler.compile(spec(plan, &planes), self.chains, &body)?;
         let pair = Pair { kernel, planes };
         Ok(Box::new(WindowCode { plan: (**plan).clone(), rates: Rates::new(plan), pair }))
+    }
+}
+
+impl Differentiator for Jit {
+    fn differentiate(&self, gradient: &Gradient) -> Result<Box<dyn Differentiable>, BackendError> {
+        Ok(Box::new(GradientCode::new(self, gradient)?))
     }
 }
 
@@ -236,7 +245,11 @@ fn planes(tape: &Tape) -> Vec<PlaneId> {
         .inputs()
         .filter_map(|input| match input {
             Input::Plane(plane, _) => Some(plane),
-            Input::Offset(_) | Input::PerPixel(..) | Input::PerTap(_) | Input::Signal(..) => None,
+            Input::Offset(_)
+            | Input::PerPixel(..)
+            | Input::PerTap(_)
+            | Input::Signal(..)
+            | Input::Constant(_) => None,
         })
         .collect();
     planes.sort_unstable();
@@ -285,7 +298,9 @@ impl TapeBody<'_> {
                 lanes.plane(self.channels + self.planes.len() + k as usize, end(side))
             }
             Input::PerTap(k) => lanes.tap(k as usize),
-            Input::Offset(_) => unreachable!("offsets are read through the tap tape"),
+            Input::Offset(_) | Input::Constant(_) => {
+                unreachable!("they are read through the tap tape")
+            }
         }
     }
 }

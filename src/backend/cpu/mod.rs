@@ -6,6 +6,7 @@
 
 mod band;
 mod block;
+mod gradient;
 mod interp;
 #[cfg(feature = "jit")]
 mod jit;
@@ -15,6 +16,7 @@ mod paper;
 mod program;
 mod rows;
 mod sums;
+mod transpose;
 mod uniform;
 
 pub use interp::Interpreter;

@@ -96,7 +96,11 @@ impl Code {
         let program = Program::new(&tape);
         let read = |input: &Input| match *input {
             Input::PerPixel(k, _) => k as usize,
-            Input::PerTap(_) | Input::Plane(..) | Input::Offset(_) | Input::Signal(..) => {
+            Input::PerTap(_)
+            | Input::Plane(..)
+            | Input::Offset(_)
+            | Input::Signal(..)
+            | Input::Constant(_) => {
                 unreachable!("none is made")
             }
         };

@@ -135,7 +135,7 @@ impl Rates {
             planes,
             signals: Vec::new(),
             per_pixel: Vec::new(),
-            per_tap: per_tap(&self.tap, &offsets),
+            per_tap: per_tap(&self.tap, &offsets, &[]),
         };
         frame.per_pixel = self.per_pixel(&frame, strips);
         Ok(frame)
@@ -211,6 +211,7 @@ impl Rates {
                         | Input::Offset(_)
                         | Input::PerPixel(..)
                         | Input::Signal(..)
+                        | Input::Constant(_)
                         | Input::PerTap(_) => {
                             unreachable!("the pixel tape reads planes at i only")
                         }
@@ -296,12 +297,12 @@ pub(in crate::backend) fn dense_taps(plan: &WindowPlan) -> Vec<f32> {
         (-radius..=radius).map(move |k| k * dilation)
     };
     let offsets: Vec<[i32; 2]> = along().flat_map(|dy| along().map(move |dx| [dx, dy])).collect();
-    per_tap(&Program::new(plan.tap()), &offsets)
+    per_tap(&Program::new(plan.tap()), &offsets, &[])
 }
 
 /// Evaluates the tap tape on offsets: the results of the first tap, then of the
 /// second, …
-pub(super) fn per_tap(tape: &Program, offsets: &[[i32; 2]]) -> Vec<f32> {
+pub(super) fn per_tap(tape: &Program, offsets: &[[i32; 2]], constants: &[f32]) -> Vec<f32> {
     let (taps, values) = (offsets.len(), tape.results());
     if values == 0 || taps == 0 {
         return Vec::new();
@@ -317,8 +318,9 @@ pub(super) fn per_tap(tape: &Program, offsets: &[[i32; 2]]) -> Vec<f32> {
         .map(|input| match input {
             Input::Offset(Axis::X) => Arg::Block(x.as_chunks().0),
             Input::Offset(Axis::Y) => Arg::Block(y.as_chunks().0),
+            Input::Constant(k) => Arg::Splat(constants[*k as usize]),
             Input::Plane(..) | Input::PerPixel(..) | Input::PerTap(_) | Input::Signal(..) => {
-                unreachable!("the tap tape reads offsets only")
+                unreachable!("tap tapes read offsets and named constants alone")
             }
         })
         .collect();

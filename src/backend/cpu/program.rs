@@ -23,10 +23,10 @@ use crate::backend::{BackendError, Executable, Filtered, Rect, holds, inside};
 use crate::expr::Feature;
 use crate::expr::feature::PlaneId;
 use crate::expr::symbol::{Source, StagePlane};
-use crate::expr::tape::Input;
 use crate::filter::Grid;
 use crate::plan::{
-    BoxKernel, Edges, GatherKernel, Kernel, MapKernel, Output, Program, Read, ResampleKernel,
+    BoxKernel, Edges, GatherKernel, Kernel, MapKernel, Output, PairLoop, Program, Read,
+    ResampleKernel, SumKernel,
 };
 use crate::scene::plane::{Layout, Plane};
 use crate::scene::{ColorScale, Scene};
@@ -51,8 +51,41 @@ pub(super) trait Engine {
     /// Makes a map's code.
     fn map(&self, kernel: &MapKernel) -> Result<Self::Map, BackendError>;
 
-    /// Makes a gather's code.
-    fn gather(&self, kernel: &GatherKernel) -> Result<Self::Gather, BackendError>;
+    /// Makes the code of a loop over pairs.
+    fn pairs(&self, pairs: &PairLoop, summed: Summed) -> Result<Self::Gather, BackendError>;
+}
+
+/// What a loop over pairs sums.
+#[derive(Clone, Copy)]
+pub(super) struct Summed {
+    /// What is multiplied by weights, the constant one among them.
+    pub(super) channels: usize,
+    /// Results of the pair tape, by one end of the pair.
+    pub(super) weights: usize,
+    /// Whether magnitudes of weights are summed, too.
+    pub(super) signed: bool,
+    /// Whether the last weight and the last channel are summed with each other alone.
+    pub(super) lone: bool,
+}
+
+impl Summed {
+    fn by_gather(kernel: &GatherKernel) -> Self {
+        let lone = kernel.variance.is_some();
+        let more = usize::from(lone);
+        let (channels, weights) = (kernel.channels.len() + more + 1, 1 + more);
+        Self { channels, weights, signed: kernel.signed, lone }
+    }
+
+    /// Everything that the pair tape computes, times one.
+    fn by_sum(kernel: &SumKernel) -> Self {
+        Self { channels: 1, weights: kernel.writes.len(), signed: false, lone: false }
+    }
+
+    /// Sums per pixel.
+    pub(super) fn results(self) -> usize {
+        let lone = usize::from(self.lone);
+        (self.weights - lone) * (self.channels - lone + usize::from(self.signed)) + lone
+    }
 }
 
 /// Rows that a map computes.
@@ -75,11 +108,12 @@ pub(super) trait Mapper: Send + Sync {
     fn step(&self) -> usize;
 
     /// Computes rows of pixels. `inputs` has the rows of a plane that is 1 everywhere, and
-    /// then of every plane that is read. `outputs`, zero before, is given row after row,
-    /// and of each result after result.
+    /// then of every plane that is read; `uniform` is what the uniform tape gave. `outputs`,
+    /// zero before, is given row after row, and of each result after result.
     fn rows(
         &self,
         inputs: &[&[f32]],
+        uniform: &[f32],
         block: MapBlock,
         scratch: &mut Self::Scratch,
         outputs: &mut [f32],
@@ -88,13 +122,30 @@ pub(super) trait Mapper: Send + Sync {
 
 enum Code<E: Engine> {
     Map(E::Map),
-    Gather {
-        code: E::Gather,
-        sums: Sums,
-        per_tap: Vec<f32>,
-    },
+    Pairs(E::Gather, Sums),
     /// One way for all back ends.
     Own,
+}
+
+/// What a kernel computes before its first pixel: once, or per tap.
+struct Table {
+    tape: super::block::Program,
+    offsets: Vec<[i32; 2]>,
+}
+
+impl Table {
+    fn of(kernel: &Kernel) -> Option<Self> {
+        let (tape, offsets) = match kernel {
+            Kernel::Map(map) => (&map.uniform, vec![[0, 0]]),
+            Kernel::Gather(GatherKernel { pairs, .. }) | Kernel::Sum(SumKernel { pairs, .. }) => {
+                (&pairs.tap, pairs.runs.iter().flat_map(|run| run.offsets()).collect())
+            }
+            Kernel::Box(_) | Kernel::Resample(_) | Kernel::Transpose(_) | Kernel::Given(_) => {
+                return None;
+            }
+        };
+        Some(Self { tape: super::block::Program::new(tape), offsets })
+    }
 }
 
 /// Who reads a plane.
@@ -107,8 +158,12 @@ struct Reader {
 
 /// A program in executable form.
 pub(super) struct ProgramCode<E: Engine> {
-    program: Program,
+    pub(super) program: Program,
     codes: Vec<Code<E>>,
+    /// By kernel.
+    tables: Vec<Option<Table>>,
+    /// What the tables hold for the filter's own constants.
+    values: Vec<Vec<f32>>,
     /// Where a plane stands among a strip's.
     places: BTreeMap<StagePlane, usize>,
     /// By place: the kernel that writes the plane, and those that read it.
@@ -120,16 +175,19 @@ impl<E: Engine> ProgramCode<E> {
         let codes = program.kernels.iter().map(|kernel| {
             Ok(match kernel {
                 Kernel::Map(map) => Code::Map(engine.map(map)?),
-                Kernel::Gather(gather) => {
-                    let offsets: Vec<[i32; 2]> =
-                        gather.runs.iter().flat_map(|run| run.offsets()).collect();
-                    Code::Gather {
-                        code: engine.gather(gather)?,
-                        sums: Sums::of_kernel(gather),
-                        per_tap: per_tap(&super::block::Program::new(&gather.tap), &offsets),
-                    }
+                Kernel::Gather(kernel) => {
+                    let summed = Summed::by_gather(kernel);
+                    let code = engine.pairs(&kernel.pairs, summed)?;
+                    Code::Pairs(code, Sums::of_pairs(&kernel.pairs, summed.results()))
                 }
-                Kernel::Box(_) | Kernel::Resample(_) => Code::Own,
+                Kernel::Sum(kernel) => {
+                    let summed = Summed::by_sum(kernel);
+                    let code = engine.pairs(&kernel.pairs, summed)?;
+                    Code::Pairs(code, Sums::of_pairs(&kernel.pairs, summed.results()))
+                }
+                Kernel::Box(_) | Kernel::Resample(_) | Kernel::Transpose(_) | Kernel::Given(_) => {
+                    Code::Own
+                }
             })
         });
         let codes = codes.collect::<Result<_, BackendError>>()?;
@@ -151,12 +209,34 @@ impl<E: Engine> ProgramCode<E> {
                 traffic[places[&plane]].1.push(Reader { kernel: None, above: 0 });
             }
         }
-        Ok(Self { program: program.clone(), codes, places, traffic })
+        let tables: Vec<Option<Table>> = program.kernels.iter().map(Table::of).collect();
+        let values = Vec::new();
+        let mut code = Self { program: program.clone(), codes, tables, values, places, traffic };
+        code.values = code.values(&program.filter.constants.values());
+        Ok(code)
+    }
+
+    /// What kernels compute before their first pixels, with these values of the constants.
+    pub(super) fn values(&self, constants: &[f32]) -> Vec<Vec<f32>> {
+        let values = self.tables.iter().map(|table| match table {
+            Some(Table { tape, offsets }) => per_tap(tape, offsets, constants),
+            None => Vec::new(),
+        });
+        values.collect()
+    }
+
+    /// The bands of all planes of an image, each on its grid.
+    pub(super) fn bands(&self, layout: Layout) -> Vec<Band> {
+        let band = |(plane, edges): (&StagePlane, &Edges)| {
+            let (writer, _) = self.traffic[self.place(*plane)];
+            Band::new(on_grid(layout, self.program.kernels[writer].grid()), *edges)
+        };
+        self.program.buffers.iter().map(band).collect()
     }
 }
 
 /// What a thread keeps from one strip to the next.
-struct Scratch<E: Engine> {
+pub(super) struct Scratch<E: Engine> {
     maps: <E::Map as Mapper>::Scratch,
     gathers: sums::Scratch<<E::Gather as Summer>::Scratch>,
     outputs: Vec<f32>,
@@ -169,11 +249,11 @@ impl<E: Engine> Default for Scratch<E> {
 }
 
 /// A strip under way.
-struct Strip<'a> {
+pub(super) struct Strip<'a> {
     scene: &'a Scene,
     /// The part of the image that is filtered.
     rect: Rect,
-    bands: Vec<Band>,
+    pub(super) bands: Vec<Band>,
     /// One everywhere, zero beside the image, on the full grid and on the half one.
     ones: [Band; 2],
     /// By kernel: what its rows owe to those below.
@@ -182,9 +262,29 @@ struct Strip<'a> {
     kept: Vec<usize>,
 }
 
+impl<'a> Strip<'a> {
+    pub(super) fn new<E: Engine>(
+        code: &ProgramCode<E>,
+        scene: &'a Scene,
+        rect: Rect,
+        bands: Vec<Band>,
+    ) -> Self {
+        let zero = Edges { repeated: false, zero: true };
+        let layout = scene.layout();
+        Self {
+            scene,
+            rect,
+            bands,
+            ones: [Grid::Full, Grid::Half].map(|grid| Band::new(on_grid(layout, grid), zero)),
+            owed: code.program.kernels.iter().map(|_| Owed::default()).collect(),
+            kept: vec![0; code.program.filter.stages.len()],
+        }
+    }
+}
+
 impl Strip<'_> {
     /// How the rows of a grid lie.
-    fn layout(&self, grid: Grid) -> Layout {
+    pub(super) fn layout(&self, grid: Grid) -> Layout {
         self.ones[usize::from(grid == Grid::Half)].layout
     }
 
@@ -271,19 +371,7 @@ impl<E: Engine> ProgramCode<E> {
         let (layout, program) = (scene.layout(), &self.program);
         let height = layout.height();
         let rows = rect.y..rect.y + rect.height;
-        let band = |plane: &StagePlane, &edges: &Edges| {
-            let (writer, _) = self.traffic[self.place(*plane)];
-            Band::new(on_grid(layout, program.kernels[writer].grid()), edges)
-        };
-        let zero = Edges { repeated: false, zero: true };
-        let mut strip = Strip {
-            scene,
-            rect,
-            bands: program.buffers.iter().map(|(plane, edges)| band(plane, edges)).collect(),
-            ones: [Grid::Full, Grid::Half].map(|grid| Band::new(on_grid(layout, grid), zero)),
-            owed: program.kernels.iter().map(|_| Owed::default()).collect(),
-            kept: vec![0; program.filter.stages.len()],
-        };
+        let mut strip = Strip::new(self, scene, rect, self.bands(layout));
         let first = program.needed(rows.start..rows.start + 1, height);
         let mut done: Vec<usize> = first.into_iter().map(|rows| rows.start).collect();
         for top in rows.clone().step_by(WAVE) {
@@ -303,32 +391,11 @@ impl<E: Engine> ProgramCode<E> {
                 let first = first.min().unwrap_or(end).min(done[*writer]);
                 band.hold(first..end.max(first + 1));
             }
-            for (k, (kernel, code)) in program.kernels.iter().zip(&self.codes).enumerate() {
+            for k in 0..program.kernels.len() {
                 let part = done[k]..needed[k].end;
-                if part.is_empty() {
-                    continue;
-                }
-                done[k] = part.end;
-                match (kernel, code) {
-                    (Kernel::Map(kernel), Code::Map(code)) => {
-                        self.map(kernel, code, part, &mut strip, scratch)?;
-                    }
-                    (Kernel::Gather(kernel), Code::Gather { code, sums, per_tap }) => {
-                        let mut owed = std::mem::take(&mut strip.owed[k]);
-                        let code = (code, sums, per_tap.as_slice());
-                        let width = strip.layout(kernel.grid).width();
-                        let most = (RESULTS / (sums.results() * width)).max(1);
-                        for y in part.clone().step_by(most) {
-                            let rows = y..(y + most).min(part.end);
-                            self.gather(kernel, code, rows, &mut strip, &mut owed, scratch)?;
-                        }
-                        strip.owed[k] = owed;
-                    }
-                    (Kernel::Box(kernel), _) => self.mean(kernel, part, &mut strip),
-                    (Kernel::Resample(kernel), _) => self.resample(kernel, part, &mut strip),
-                    (Kernel::Map(_) | Kernel::Gather(_), _) => {
-                        unreachable!("codes stand in the order of their kernels")
-                    }
+                if !part.is_empty() {
+                    done[k] = part.end;
+                    self.rows(k, &self.values[k], part, &mut strip, scratch)?;
                 }
             }
             let (wave, rest) = pixels.split_at_mut((bottom - top) * rect.width);
@@ -338,14 +405,56 @@ impl<E: Engine> ProgramCode<E> {
         Ok(strip.kept)
     }
 
-    fn place(&self, plane: StagePlane) -> usize {
+    pub(super) fn place(&self, plane: StagePlane) -> usize {
         self.places[&plane]
+    }
+
+    /// Computes rows of a kernel, of which those that it reads are there. `values` is what it
+    /// computed before its first pixel.
+    pub(super) fn rows(
+        &self,
+        k: usize,
+        values: &[f32],
+        rows: Range<usize>,
+        strip: &mut Strip<'_>,
+        scratch: &mut Scratch<E>,
+    ) -> Result<(), BackendError> {
+        match (&self.program.kernels[k], &self.codes[k]) {
+            (Kernel::Map(kernel), Code::Map(code)) => {
+                self.map(kernel, (code, values), rows, strip, scratch)?;
+            }
+            (kernel @ (Kernel::Gather(_) | Kernel::Sum(_)), Code::Pairs(code, sums)) => {
+                let mut owed = std::mem::take(&mut strip.owed[k]);
+                let code = (code, sums, values);
+                let width = strip.layout(kernel.grid()).width();
+                let most = (RESULTS / (sums.results() * width)).max(1);
+                for y in rows.clone().step_by(most) {
+                    let rows = y..(y + most).min(rows.end);
+                    match kernel {
+                        Kernel::Gather(gather) => {
+                            self.gather(gather, code, rows, strip, &mut owed, scratch)?;
+                        }
+                        Kernel::Sum(sum) => self.sum(sum, code, rows, strip, &mut owed, scratch)?,
+                        _ => unreachable!("it is one of the two"),
+                    }
+                }
+                strip.owed[k] = owed;
+            }
+            (Kernel::Box(kernel), _) => self.mean(kernel, rows, strip),
+            (Kernel::Resample(kernel), _) => self.resample(kernel, rows, strip),
+            (Kernel::Transpose(kernel), _) => self.transpose(kernel, strip),
+            (Kernel::Given(_), _) => {}
+            (Kernel::Map(_) | Kernel::Gather(_) | Kernel::Sum(_), _) => {
+                unreachable!("codes stand in the order of their kernels")
+            }
+        }
+        Ok(())
     }
 
     fn map(
         &self,
         kernel: &MapKernel,
-        code: &E::Map,
+        (code, uniform): (&E::Map, &[f32]),
         rows: Range<usize>,
         strip: &mut Strip<'_>,
         scratch: &mut Scratch<E>,
@@ -409,7 +518,7 @@ impl<E: Engine> ProgramCode<E> {
             outputs.clear();
             outputs.resize(count * kernel.writes.len() * results, 0.0);
             let block = MapBlock { layout, rows: count, pad: pad - skipped };
-            code.rows(&inputs, block, &mut scratch.maps, outputs)?;
+            code.rows(&inputs, uniform, block, &mut scratch.maps, outputs)?;
             let mut outputs = outputs.chunks_exact(results);
             for row in y..y + count {
                 for (&plane, pixels) in kernel.writes.iter().zip(&mut outputs) {
@@ -430,50 +539,11 @@ impl<E: Engine> ProgramCode<E> {
         owed: &mut Owed,
         scratch: &mut Scratch<E>,
     ) -> Result<(), BackendError> {
-        let whole = strip.layout(kernel.grid);
-        let (width, stride) = (whole.width(), whole.stride());
-        // The rows that the window reaches are an image of their own.
-        let top = rows.start.saturating_sub(kernel.reach);
-        let layout = whole.with_height((rows.end + kernel.reach).min(whole.height()) - top);
-        strip.make_ones(kernel.grid, layout.height());
-        let window = top * stride..(top + layout.height()) * stride;
-        let mut planes: Vec<(PlaneId, Cow<'_, [f32]>)> = Vec::new();
-        for input in kernel.pair.inputs() {
-            let Input::Plane(id, _) = input else { continue };
-            if planes.iter().any(|(known, _)| *known == id) {
-                continue;
-            }
-            planes.push((
-                id,
-                match strip.scene.plane(id) {
-                    Some(Plane::Samples(samples)) => {
-                        Cow::Borrowed(&samples.as_slice()[window.clone()])
-                    }
-                    Some(Plane::Constant(x)) => Cow::Owned(vec![*x; layout.samples()]),
-                    None => return Err(BackendError::NotLoaded(id)),
-                },
-            ));
-        }
-        let averaged = |plane: StagePlane| {
-            let band = &strip.bands[self.place(plane)];
-            &band.averaged()[band.start(top)..]
-        };
-        let mut channels: Vec<&[f32]> = kernel.channels.iter().map(|&p| averaged(p)).collect();
-        channels.push(strip.ones(kernel.grid));
-        channels.extend(kernel.variance.iter().map(|&(source, ..)| averaged(source)));
-        let signals = kernel.reads.iter().map(|&plane| {
-            let band = &strip.bands[self.place(plane)];
-            &band.looked_at()[band.start(top)..]
-        });
-        let frame = Frame {
-            layout,
-            channels,
-            planes,
-            signals: signals.collect(),
-            per_pixel: Vec::new(),
-            per_tap: Vec::new(),
-        };
-        let rect = Rect { x: 0, y: rows.start - top, width, height: rows.len() };
+        let averaged = kernel.channels.iter().copied();
+        let variance = kernel.variance.map(|(source, ..)| source);
+        let (frame, rect) =
+            self.frame(&kernel.pairs, kernel.grid, averaged, variance, &rows, strip)?;
+        let width = rect.width;
         let shape = sums.add(code, &frame, per_tap, rect, Some(owed), &mut scratch.gathers)?;
 
         let results = sums.results();
@@ -510,8 +580,83 @@ impl<E: Engine> ProgramCode<E> {
                 pulp::Arch::new().dispatch(mean);
                 strip.bands[self.place(plane)].write(y, means);
             }
+            if let Some(inverse) = kernel.inverse {
+                for ((inverse, total), trusted) in means.iter_mut().zip(total).zip(&trusted) {
+                    *inverse = if *trusted { 1.0 / total } else { 0.0 };
+                }
+                strip.bands[self.place(inverse)].write(y, &means);
+            }
         }
         Ok(())
+    }
+
+    fn sum(
+        &self,
+        kernel: &SumKernel,
+        (code, sums, per_tap): (&E::Gather, &Sums, &[f32]),
+        rows: Range<usize>,
+        strip: &mut Strip<'_>,
+        owed: &mut Owed,
+        scratch: &mut Scratch<E>,
+    ) -> Result<(), BackendError> {
+        let nothing = std::iter::empty();
+        let (frame, rect) = self.frame(&kernel.pairs, kernel.grid, nothing, None, &rows, strip)?;
+        let width = rect.width;
+        let shape = sums.add(code, &frame, per_tap, rect, Some(owed), &mut scratch.gathers)?;
+        let made = scratch.gathers.sums().chunks_exact(shape.stride);
+        let ways = rows.flat_map(|y| kernel.writes.iter().map(move |&plane| (y, plane)));
+        for ((y, plane), sums) in ways.zip(made) {
+            strip.bands[self.place(plane)].write(y, &sums[shape.first..][..width]);
+        }
+        Ok(())
+    }
+
+    /// What a loop over pairs reads for some rows, and where those stand in it: the rows that
+    /// its window reaches are an image of their own.
+    fn frame<'f>(
+        &self,
+        pairs: &PairLoop,
+        grid: Grid,
+        averaged: impl Iterator<Item = StagePlane>,
+        variance: Option<StagePlane>,
+        rows: &Range<usize>,
+        strip: &'f mut Strip<'_>,
+    ) -> Result<(Frame<'f>, Rect), BackendError> {
+        let whole = strip.layout(grid);
+        let (width, stride) = (whole.width(), whole.stride());
+        let top = rows.start.saturating_sub(pairs.reach);
+        let layout = whole.with_height((rows.end + pairs.reach).min(whole.height()) - top);
+        strip.make_ones(grid, layout.height());
+        let strip: &'f Strip<'_> = strip;
+        let window = top * stride..(top + layout.height()) * stride;
+        let plane = |id: PlaneId| match strip.scene.plane(id) {
+            Some(Plane::Samples(samples)) => {
+                Ok((id, Cow::Borrowed(&samples.as_slice()[window.clone()])))
+            }
+            Some(Plane::Constant(x)) => Ok((id, Cow::Owned(vec![*x; layout.samples()]))),
+            None => Err(BackendError::NotLoaded(id)),
+        };
+        let planes = pairs.planes().into_iter().map(plane).collect::<Result<_, _>>()?;
+        let of_mean = |plane: StagePlane| {
+            let band = &strip.bands[self.place(plane)];
+            &band.averaged()[band.start(top)..]
+        };
+        let mut channels: Vec<&[f32]> = averaged.map(of_mean).collect();
+        channels.push(strip.ones(grid));
+        channels.extend(variance.map(of_mean));
+        let signal = |&plane: &StagePlane| {
+            let band = &strip.bands[self.place(plane)];
+            &band.looked_at()[band.start(top)..]
+        };
+        let frame = Frame {
+            layout,
+            channels,
+            planes,
+            signals: pairs.reads.iter().map(signal).collect(),
+            per_pixel: Vec::new(),
+            per_tap: Vec::new(),
+        };
+        Ok((frame, Rect { x: 0, y: rows.start - top, width, height: rows.len() }))
     }
 
     fn mean(&self, kernel: &BoxKernel, rows: Range<usize>, strip: &mut Strip<'_>) {

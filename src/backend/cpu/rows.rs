@@ -1,6 +1,8 @@
 //! Loops over the pixels of a row that all CPU back ends share, by whatever vectors the
 //! processor has: types, not closures, for the reason given in `cpu`.
 
+use std::borrow::Cow;
+
 use crate::backend::{TRUSTED_SHARE, TRUSTED_SUM};
 use crate::expr::interval::Interval;
 
@@ -112,6 +114,42 @@ impl pulp::WithSimd for Double<'_> {
         }
         if let ([pixel], Some([left, here, ..])) = (last, between.last_chunk::<3>()) {
             *pixel = quarter(*here, *left);
+        }
+    }
+}
+
+/// Adds to sums the products of rows of pixels, each of the first with each of the second.
+/// Products that are no finite numbers count as 0.
+pub(super) struct Products<'a> {
+    pub(super) rows: &'a [Cow<'a, [f32]>],
+    pub(super) columns: &'a [Cow<'a, [f32]>],
+    /// Those of the first row come first.
+    pub(super) sums: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Products<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        const LANES: usize = 8;
+        let sums = self.sums.chunks_exact_mut(self.columns.len());
+        for (row, sums) in self.rows.iter().zip(sums) {
+            for (column, total) in self.columns.iter().zip(sums) {
+                let mut lanes = [0.0f32; LANES];
+                let (whole, rest) = row.as_chunks::<LANES>();
+                let (others, others_rest) = column.as_chunks::<LANES>();
+                for (a, b) in whole.iter().zip(others) {
+                    for lane in 0..LANES {
+                        lanes[lane] = a[lane].mul_add(b[lane], lanes[lane]);
+                    }
+                }
+                for ((a, b), lane) in rest.iter().zip(others_rest).zip(&mut lanes) {
+                    *lane = a.mul_add(*b, *lane);
+                }
+                let sum: f64 = lanes.iter().map(|&lane| f64::from(lane)).sum();
+                *total += if sum.is_finite() { sum } else { 0.0 };
+            }
         }
     }
 }

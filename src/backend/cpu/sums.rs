@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 use crate::backend::{BackendError, Rect};
 use crate::expr::PlaneId;
-use crate::plan::{GatherKernel, Run, WindowPlan};
+use crate::plan::{PairLoop, Run, WindowPlan};
 use crate::scene::plane::{Layout, Lines};
 
 /// How the sums over a window are made.
@@ -124,16 +124,14 @@ impl Sums {
         }
     }
 
-    /// How the sums of a program's gather are made.
-    pub(super) fn of_kernel(kernel: &GatherKernel) -> Self {
-        let variance = usize::from(kernel.variance.is_some());
-        let channels = kernel.channels.len() + variance + 1;
+    /// How so many sums of a program's loop over pairs are made.
+    pub(super) fn of_pairs(pairs: &PairLoop, results: usize) -> Self {
         Self {
-            reach: kernel.reach,
-            runs: kernel.runs.clone(),
-            per_tap: kernel.tap.results().len(),
-            results: channels + usize::from(kernel.signed),
-            mirrored: kernel.mirrored,
+            reach: pairs.reach,
+            runs: pairs.runs.clone(),
+            per_tap: pairs.tap.results().len(),
+            results,
+            mirrored: pairs.mirrored,
         }
     }
 

@@ -37,7 +37,11 @@ pub(super) fn evaluate(
 ) -> Result<Vec<Vec<f32>>, GpuError> {
     let Statements { lines, results } = statements(tape, dialect, |input| match input {
         Input::PerPixel(k, _) => format!("inputs[{k}u * params.count + n]"),
-        Input::Plane(..) | Input::Offset(_) | Input::PerTap(_) | Input::Signal(..) => {
+        Input::Plane(..)
+        | Input::Offset(_)
+        | Input::PerTap(_)
+        | Input::Signal(..)
+        | Input::Constant(_) => {
             unreachable!("elementwise tapes read PerPixel values")
         }
     });

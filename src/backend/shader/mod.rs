@@ -108,7 +108,8 @@ impl Shader {
                 | Input::Offset(_)
                 | Input::PerPixel(..)
                 | Input::PerTap(_)
-                | Input::Signal(..) => None,
+                | Input::Signal(..)
+                | Input::Constant(_) => None,
             });
             planes.collect::<BTreeSet<PlaneId>>()
         };
@@ -136,7 +137,9 @@ impl Shader {
                     unreachable!("only mirrored tapes look at pixel j through per-pixel values")
                 }
                 Input::PerTap(k) => format!("tap.{}", tap[k as usize]),
-                Input::Signal(..) => unreachable!("only programs have stages"),
+                Input::Signal(..) | Input::Constant(_) => {
+                    unreachable!("only programs have stages and named constants")
+                }
             })
         };
         let Statements { lines: pixel_lines, results: pixel_results } = tape(plan.pixel());

@@ -3,8 +3,8 @@
 use rand::RngExt;
 
 use crate::backend::Rect;
-use crate::evolve::rng;
 use crate::evolve::settings::Settings;
+use crate::tune::stream;
 
 /// Which pixels of the training scenes breeding looks at.
 ///
@@ -74,7 +74,7 @@ fn tiles(whole: Rect, share: f64, seed: u64, scene: usize) -> Vec<Rect> {
             let x = column * whole.width / columns..(column + 1) * whole.width / columns;
             let height = tile_height.min(rows.len());
             // A stream that no individual has: islands are numbered from zero.
-            let mut stream = rng::stream(seed, usize::MAX, scene as u32, tiles.len());
+            let mut stream = stream(seed, usize::MAX, scene as u32, tiles.len());
             let y = rows.start + stream.random_range(0..=rows.len() - height);
             tiles.push(Rect { x: x.start, y, width: x.len(), height });
         }

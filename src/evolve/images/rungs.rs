@@ -11,7 +11,7 @@ use rand::RngExt;
 use super::sample::{Sample, mean};
 use super::{TrainingScene, coverage};
 use crate::backend::Rect;
-use crate::evolve::rng;
+use crate::tune::stream;
 
 /// An expression's mean error on each tile, scene by scene, in the order of the
 /// rungs.
@@ -111,7 +111,7 @@ fn order(region: &[Rect], seed: u64, scene: usize) -> Vec<Rect> {
         }
     }
     // A stream that no individual and no coverage has.
-    let mut stream = rng::stream(seed, usize::MAX - 1, scene as u32, 0);
+    let mut stream = stream(seed, usize::MAX - 1, scene as u32, 0);
     let shift: f64 = stream.random_range(0.0..1.0);
     for (k, column) in columns.iter_mut().enumerate() {
         // Golden sections put any number of columns far apart.

@@ -8,11 +8,11 @@ use crate::evolve::individual::Judgement;
 use crate::evolve::materials::Materials;
 use crate::evolve::mutation::mutate;
 use crate::evolve::race::Bar;
-use crate::evolve::rng::stream;
 use crate::evolve::settings::Preset;
 use crate::expr::tape::Input;
 use crate::plan::{Plan, WindowPlan};
 use crate::scene::{LoadOptions, Needs, load_reference};
+use crate::tune::stream;
 
 const RADIUS: u32 = 3;
 
@@ -339,7 +339,9 @@ fn weights(plan: &Plan, salt: u32) -> Vec<f32> {
     plan.pair().eval(|input| match input {
         Input::PerTap(k) => tap[k as usize],
         Input::PerPixel(k, _) => pixel[k as usize],
-        Input::Plane(..) | Input::Offset(_) | Input::Signal(..) => sample(input),
+        Input::Plane(..) | Input::Offset(_) | Input::Signal(..) | Input::Constant(_) => {
+            sample(input)
+        }
     })
 }
 

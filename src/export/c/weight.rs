@@ -88,7 +88,9 @@ impl Source<'_> {
                 None => unreachable!("what is known per tap are the bare offsets"),
             },
             Input::PerPixel(..) => unreachable!("the plan was made without rates"),
-            Input::Signal(..) => unreachable!("only programs have stages"),
+            Input::Signal(..) | Input::Constant(_) => {
+                unreachable!("only programs have stages and named constants")
+            }
         }
     }
 }
@@ -105,7 +107,7 @@ pub(super) fn axis_of(subject: &Subject<'_>, input: Input) -> Option<Axis> {
                 Instr::Const(_) | Instr::Prim(..) => None,
             }
         }
-        Input::Plane(..) | Input::PerPixel(..) | Input::Signal(..) => None,
+        Input::Plane(..) | Input::PerPixel(..) | Input::Signal(..) | Input::Constant(_) => None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Random streams, each with a name.
 //!
-//! Whatever draws random numbers in a search draws from a stream of its own,
-//! named by (seed, island, generation, index). The name is the key of a ChaCha
+//! Whatever draws random numbers in a search, or while constants are tuned, draws from a
+//! stream of its own, named by (seed, island, generation, index). The name is the key of a ChaCha
 //! cipher, all 256 bits of it, so that different names give unrelated streams,
 //! in any order and on any thread; nothing has to be carried from one
 //! generation to the next, and a resumed search draws what it would have drawn.
@@ -12,7 +12,8 @@ use rand_chacha::ChaCha8Rng;
 /// A stream of random numbers.
 pub type Stream = ChaCha8Rng;
 
-/// The stream of one individual-to-be: place `index` on an island in a generation.
+/// The stream of one individual-to-be: place `index` on an island in a generation. Tuning has
+/// steps for generations, and image parts for individuals.
 pub fn stream(seed: u64, island: usize, generation: u32, index: usize) -> Stream {
     let name = [seed, island as u64, u64::from(generation), index as u64];
     let mut key = [0; 32];

@@ -1,0 +1,126 @@
+//! Parts of scenes, turned: what constants are tuned on.
+
+use super::Scene;
+use super::facts::Facts;
+use super::plane::{Edge, Layout, Plane, Samples};
+use crate::expr::feature::Feature;
+
+/// A part of an image, and how it is turned.
+///
+/// What a filter reads has no handedness: gradients are magnitudes, and normals and positions
+/// are those of the world, wherever the image's axes point. So every turn of an image is an
+/// image that a renderer could have made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    /// The part's leftmost column and topmost row.
+    pub corner: [usize; 2],
+    /// Its columns and rows, before it is turned.
+    pub size: [usize; 2],
+    /// Whether left and right, and top and bottom, change places.
+    pub flipped: [bool; 2],
+    /// Whether columns and rows change places, after that.
+    pub transposed: bool,
+}
+
+impl Crop {
+    /// Columns and rows of the result.
+    pub fn turned(&self) -> [usize; 2] {
+        let [width, height] = self.size;
+        if self.transposed { [height, width] } else { [width, height] }
+    }
+
+    /// The pixels of an image of so many columns that the result consists of, row by row.
+    pub fn pixels(&self, columns: usize) -> impl Iterator<Item = usize> {
+        let Self { corner, size, flipped, transposed } = *self;
+        let [width, height] = self.turned();
+        (0..height).flat_map(move |v| (0..width).map(move |u| [u, v])).map(move |[u, v]| {
+            let at = if transposed { [v, u] } else { [u, v] };
+            let along = |axis: usize| match flipped[axis] {
+                true => size[axis] - 1 - at[axis],
+                false => at[axis],
+            };
+            (corner[1] + along(1)) * columns + corner[0] + along(0)
+        })
+    }
+}
+
+impl Scene {
+    /// A part of the scene as a scene of its own, with what is known of the whole, and with
+    /// its scales. `gain` multiplies light: the colour and the direct light as weights see
+    /// them, and their variances by its square.
+    ///
+    /// # Panics
+    /// If the part does not lie in the image.
+    pub fn crop(&self, crop: &Crop, gain: f32) -> Self {
+        let [right, bottom] = [0, 1].map(|axis| crop.corner[axis] + crop.size[axis]);
+        let whole = self.layout;
+        assert!(right <= whole.width() && bottom <= whole.height(), "a part of the image");
+        let [width, height] = crop.turned();
+        let layout = Layout::new(width, height, whole.pad());
+        let turned = |samples: &Samples, gain: f32| -> Vec<f32> {
+            let pixel = |k: usize| samples.at(k % whole.width(), k / whole.width()) * gain;
+            crop.pixels(whole.width()).map(pixel).collect()
+        };
+        let planes = self.planes.iter().map(|(&id, plane)| {
+            let light = matches!(id.feature, Feature::Color | Feature::DirIllumination);
+            let gain = match (light, id.quantity) {
+                (false, _) => 1.0,
+                (true, crate::expr::Quantity::Variance) => gain * gain,
+                (true, _) => gain,
+            };
+            let plane = match plane {
+                Plane::Constant(value) => Plane::Constant(value * gain),
+                // Also where this part holds one number: the whole image does not.
+                Plane::Samples(_) if id.feature == Feature::Pixel => {
+                    let at = |k: usize| [k % width, k / width][usize::from(id.component)] as f32;
+                    let pixels: Vec<f32> = (0..layout.pixels()).map(at).collect();
+                    Plane::Samples(Samples::new(layout, &pixels, Edge::Replicate))
+                }
+                Plane::Samples(samples) => {
+                    Plane::Samples(Samples::new(layout, &turned(samples, gain), Edge::Replicate))
+                }
+            };
+            (id, plane)
+        });
+        let planes: std::collections::BTreeMap<_, _> = planes.collect();
+        let color = self.color.each_ref();
+        let facts = match gain == 1.0 {
+            true => self.facts.clone(),
+            false => {
+                Facts::from_planes(planes.iter().map(|(&id, plane)| (id, super::Fact::of(plane))))
+            }
+        };
+        Self {
+            name: self.name.clone(),
+            layout,
+            top: 0,
+            color: color.map(|c| Samples::new(layout, &turned(c, gain), Edge::Zero)),
+            ones: Samples::new(layout, &vec![1.0; layout.pixels()], Edge::Zero),
+            planes,
+            facts,
+            normalization: self.normalization,
+            notes: Vec::new(),
+            origin: self.origin.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_are_those_that_they_say() {
+        // 0 1 2 3
+        // 4 5 6 7
+        let crop = Crop { corner: [1, 0], size: [3, 2], flipped: [false; 2], transposed: false };
+        let pixels = |crop: Crop| crop.pixels(4).collect::<Vec<_>>();
+        assert_eq!(pixels(crop), [1, 2, 3, 5, 6, 7]);
+        assert_eq!(pixels(Crop { flipped: [true, false], ..crop }), [3, 2, 1, 7, 6, 5]);
+        assert_eq!(pixels(Crop { flipped: [false, true], ..crop }), [5, 6, 7, 1, 2, 3]);
+        assert_eq!(pixels(Crop { transposed: true, ..crop }), [1, 5, 2, 6, 3, 7]);
+        let turned = Crop { transposed: true, flipped: [true, false], ..crop };
+        assert_eq!(pixels(turned), [3, 7, 2, 6, 1, 5]);
+        assert_eq!(turned.turned(), [2, 3]);
+    }
+}

@@ -1,0 +1,432 @@
+//! The run itself.
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+
+use super::checkpoint::{Best, Checkpoint, Row, State};
+use super::control::{Control, Ending, Watch};
+use super::draw::{Draw, LACKS, Lack};
+use super::error::Error;
+use super::loss::{PARTS, parts};
+use super::optimizer::{Rates, Scales};
+use super::rng::stream;
+use super::scenes::TuningScene;
+use super::settings::Settings;
+use crate::backend::{Backend, Differentiable, Differentiator, Rect, Workspace};
+use crate::expr::interval::Interval;
+use crate::expr::{Feature, PlaneId, Quantity};
+use crate::filter::Filter;
+use crate::image::{Image, Metrics};
+use crate::plan::{Gradient, Passes, Plan, PlanError};
+use crate::scene::{Fact, Facts};
+
+/// How much of what a part of the loss is for an image by now comes from the last time that
+/// some of it was drawn.
+const NEWS: f64 = 0.25;
+
+/// News of a run.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
+    /// A step was made.
+    Step {
+        /// How many were made by now.
+        step: u32,
+        /// Of how many.
+        of: u32,
+    },
+    /// A row was added to the history.
+    Row(&'a Row),
+}
+
+/// How a filter does on whole validation scenes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trial {
+    /// The mean score of the loss.
+    pub score: f64,
+    /// The geometric mean of RelMSE.
+    pub rel_mse: f64,
+    /// The same without the worst 0.1% of the pixels of each image.
+    pub trimmed_rel_mse: f64,
+}
+
+/// What a run came to.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The filter with the constants of the best trial; without validation scenes, with the
+    /// average of the last ones.
+    pub filter: Filter,
+    /// After how many steps they were found.
+    pub step: u32,
+    /// The whole course.
+    pub history: Vec<Row>,
+    /// Why it ended.
+    pub ending: Ending,
+}
+
+/// A set of features that files have, and the code for it.
+struct Code {
+    lack: &'static Lack,
+    code: Box<dyn Differentiable>,
+    workspaces: Mutex<Vec<Workspace>>,
+}
+
+/// A run.
+pub struct Tuner<'a, B> {
+    filter: Filter,
+    settings: Settings,
+    training: &'a [TuningScene],
+    validation: &'a [TuningScene],
+    backend: &'a B,
+    scales: Scales,
+    codes: Vec<Code>,
+    state: State,
+}
+
+impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
+    /// Begins a run.
+    ///
+    /// # Errors
+    /// If the settings make no sense, the filter has nothing to tune, or it cannot run on a
+    /// scene.
+    ///
+    /// # Panics
+    /// If the filter makes no sense: see [`Filter::check`].
+    pub fn new(
+        filter: Filter,
+        settings: Settings,
+        training: &'a [TuningScene],
+        validation: &'a [TuningScene],
+        backend: &'a B,
+    ) -> Result<Self, Error> {
+        settings.validate()?;
+        if training.is_empty() {
+            return Err(Error::NoScenes);
+        }
+        let scales = Scales::of(&filter.constants);
+        if !scales.any() {
+            return Err(Error::NoConstants(filter.name));
+        }
+        let codes = codes(&filter, &settings, training, backend)?;
+        let unseen = |scene: &TuningScene| vec![[f64::NAN; PARTS]; scene.levels.len()];
+        let state = State {
+            next: 0,
+            position: scales.position(&filter.constants.values()),
+            norms: training.iter().map(unseen).collect(),
+            best: None,
+            waiting: 0,
+            lost: 0.0,
+            drawn: 0,
+            history: Vec::new(),
+        };
+        Ok(Self { filter, settings, training, validation, backend, scales, codes, state })
+    }
+
+    /// Goes on with a run, which must have been begun with the same filter and scenes.
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new), and if they differ.
+    pub fn resume(
+        checkpoint: Checkpoint,
+        filter: Filter,
+        training: &'a [TuningScene],
+        validation: &'a [TuningScene],
+        backend: &'a B,
+    ) -> Result<Self, Error> {
+        let Checkpoint { filter: begun, scenes, settings, state, .. } = checkpoint;
+        let fresh = Self::new(filter, settings, training, validation, backend)?;
+        let expected = fresh.state.norms.iter().map(Vec::len);
+        let fits = state.position.at.len() == fresh.state.position.at.len()
+            && state.norms.iter().map(Vec::len).eq(expected);
+        if fresh.written_filter() != begun {
+            return Err(Error::Other { what: "filter" });
+        }
+        if fresh.scene_names() != scenes || !fits {
+            return Err(Error::Other { what: "set of scenes" });
+        }
+        Ok(Self { state, ..fresh })
+    }
+
+    /// What there is to go on from.
+    pub fn checkpoint(&self) -> Checkpoint {
+        let (filter, scenes) = (self.written_filter(), self.scene_names());
+        Checkpoint::new(filter, scenes, self.settings.clone(), self.state.clone())
+    }
+
+    fn written_filter(&self) -> String {
+        self.filter.to_toml(toml::Table::new())
+    }
+
+    fn scene_names(&self) -> Vec<String> {
+        let sets = [("training", self.training), ("validation", self.validation)];
+        let name = |(set, scene): (&str, &TuningScene)| {
+            let level = |samples: Option<u32>| samples.map_or("-".to_owned(), |n| n.to_string());
+            let levels: Vec<String> = scene.levels.iter().map(|l| level(l.samples)).collect();
+            let (width, height) = scene.image.size();
+            format!("{set} {} {width}x{height} {}", scene.name, levels.join(" "))
+        };
+        sets.iter().flat_map(|&(set, scenes)| scenes.iter().map(move |s| name((set, s)))).collect()
+    }
+
+    /// The names of the sets of features that parts are filtered with.
+    pub fn feature_sets(&self) -> Vec<&'static str> {
+        self.codes.iter().map(|code| code.lack.name).collect()
+    }
+
+    /// What the run was told.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Runs to the end, however that comes, and says what happens.
+    ///
+    /// # Errors
+    /// If the back end fails, or a checkpoint cannot be written.
+    pub fn run(
+        &mut self,
+        control: &Control,
+        hear: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        let watch = Watch::start(control);
+        let steps = self.settings.steps;
+        if self.state.history.is_empty() {
+            self.row(hear)?;
+        }
+        let mut ending = Ending::Finished;
+        while self.state.next < steps {
+            if let Some(early) = watch.ending() {
+                ending = early;
+                break;
+            }
+            self.step()?;
+            let step = self.state.next;
+            hear(Event::Step { step, of: steps });
+            if step.is_multiple_of(self.settings.interval) || step == steps {
+                self.row(hear)?;
+                let patience = self.settings.patience;
+                if patience > 0 && self.state.waiting >= patience {
+                    break;
+                }
+            }
+            if let Some(checkpoints) = &control.checkpoints
+                && checkpoints.interval > 0
+                && step.is_multiple_of(checkpoints.interval)
+            {
+                self.checkpoint().write(&checkpoints.path)?;
+            }
+        }
+        if let Some(checkpoints) = &control.checkpoints {
+            self.checkpoint().write(&checkpoints.path)?;
+        }
+        let (values, step) = match &self.state.best {
+            Some(best) => (self.scales.values(&best.values), best.step),
+            None => (self.scales.values(&self.state.position.average), self.state.next),
+        };
+        let mut filter = self.filter.clone();
+        filter.constants.set_values(&values);
+        Ok(Outcome { filter, step, history: self.state.history.clone(), ending })
+    }
+
+    /// One step of the optimizer.
+    fn step(&mut self) -> Result<(), Error> {
+        let (settings, state) = (&self.settings, &self.state);
+        let constants = self.scales.values(&state.position.at);
+        let draws: Vec<Draw> = (0..settings.batch)
+            .map(|k| {
+                let mut stream = stream(settings.seed, 0, state.next, k);
+                Draw::new(settings, self.training, self.codes.len(), &mut stream)
+            })
+            .collect();
+        let gradients = draws
+            .par_iter()
+            .map(|draw| self.gradient(draw, &constants))
+            .collect::<Result<Vec<_>, Error>>()?;
+        let mut sum = vec![0.0; constants.len()];
+        let share = 1.0 / draws.len() as f64;
+        for (_, gradient) in &gradients {
+            sum.iter_mut().zip(gradient).for_each(|(sum, x)| *sum += share * x);
+        }
+        let rates =
+            Rates { constants: settings.rate, layers: settings.layer_rate, decay: settings.decay };
+        let rates = rates.at(state.next, settings.steps);
+        let state = &mut self.state;
+        self.scales.step(&mut state.position, &sum, state.next, rates);
+        for (draw, (parts, _)) in draws.iter().zip(&gradients) {
+            let norms = &mut state.norms[draw.scene][draw.level];
+            for (norm, part) in norms.iter_mut().zip(parts) {
+                *norm = if norm.is_nan() { *part } else { *norm + NEWS * (part - *norm) };
+            }
+            state.lost += settings.loss.score(*parts);
+            state.drawn += 1;
+        }
+        state.next += 1;
+        Ok(())
+    }
+
+    /// The parts of the loss for a part of an image, and their gradient.
+    fn gradient(&self, draw: &Draw, constants: &[f32]) -> Result<([f64; PARTS], Vec<f64>), Error> {
+        let scene = &self.training[draw.scene];
+        let whole = &scene.levels[draw.level].scene;
+        let noisy = whole.crop(&draw.crop, draw.gain);
+        let pixels = draw.crop.pixels(whole.layout().width());
+        let reference = super::loss::Reference {
+            pixels: pixels.map(|k| scene.reference.pixels[k]).collect(),
+            exposure: scene.reference.exposure,
+        };
+        // The result is as much brighter as what was filtered.
+        let unit = whole.normalization().exposure / draw.gain;
+        let norms = self.state.norms[draw.scene][draw.level];
+        let shares = self.settings.loss.shares();
+        let mut lost = [0.0; PARTS];
+        let mut loss = |colors: &[[f32; 3]], owed: &mut [[f32; 3]]| {
+            let weigh = |norms: [f64; PARTS]| {
+                let mut weights = shares;
+                for (weight, norm) in weights.iter_mut().zip(norms) {
+                    *weight /= norm.max(1e-9);
+                }
+                weights
+            };
+            if norms[0].is_nan() {
+                // Of an image that is seen for the first time, what it is now.
+                lost = parts(colors, unit, &reference, shares, owed);
+                parts(colors, unit, &reference, weigh(lost), owed);
+            } else {
+                lost = parts(colors, unit, &reference, weigh(norms), owed);
+            }
+            0.0
+        };
+        let code = &self.codes[draw.lack];
+        let free = || code.workspaces.lock().expect("nobody panics with it");
+        let mut workspace = free().pop().unwrap_or_default();
+        let mut derivatives = vec![0.0; constants.len()];
+        code.code.run(&noisy, constants, &mut loss, &mut workspace, &mut derivatives)?;
+        free().push(workspace);
+        Ok((lost, derivatives))
+    }
+
+    /// Tries the average of the constants, and adds a row to the history.
+    fn row(&mut self, hear: &mut dyn FnMut(Event<'_>)) -> Result<(), Error> {
+        let values = self.scales.values(&self.state.position.average);
+        let mut filter = self.filter.clone();
+        filter.constants.set_values(&values);
+        let trial = match self.validation.is_empty() {
+            true => None,
+            false => Some(trial(&filter, self.validation, &self.settings, self.backend)?),
+        };
+        let state = &mut self.state;
+        if let Some(trial) = trial {
+            let better = state.best.as_ref().is_none_or(|best| trial.score < best.score);
+            if better {
+                let (step, score) = (state.next, trial.score);
+                let values = state.position.average.clone();
+                state.best = Some(Best { step, score, values });
+            }
+            state.waiting = if better { 0 } else { state.waiting + 1 };
+        }
+        let training = state.lost / f64::from(state.drawn);
+        (state.lost, state.drawn) = (0.0, 0);
+        let [validation, rel_mse, trimmed_rel_mse] = trial
+            .map_or([f64::NAN; 3], |trial| [trial.score, trial.rel_mse, trial.trimmed_rel_mse]);
+        let step = state.next;
+        state.history.push(Row { step, training, validation, rel_mse, trimmed_rel_mse });
+        hear(Event::Row(state.history.last().expect("it was pushed")));
+        Ok(())
+    }
+}
+
+/// How a filter does on whole scenes, at all of their sample counts.
+///
+/// # Errors
+/// If it cannot run on one of them.
+fn trial<B: Backend>(
+    filter: &Filter,
+    scenes: &[TuningScene],
+    settings: &Settings,
+    backend: &B,
+) -> Result<Trial, Error> {
+    let checked = filter.check().expect("values within bounds make sense");
+    let levels = || scenes.iter().flat_map(|scene| scene.levels.iter().map(move |l| (scene, l)));
+    let facts = Facts::of_all(levels().map(|(_, level)| &level.scene));
+    let plan = Plan::of(&checked, &facts, Passes::ALL).map_err(|source| refused(scenes, source))?;
+    let code = backend.compile(&plan)?;
+    let (mut sums, mut count) = ([0.0; 3], 0.0);
+    for (scene, level) in levels() {
+        let noisy = &level.scene;
+        let filtered = code.run(noisy, &[Rect::whole(noisy)])?.swap_remove(0);
+        let mut owed = vec![[0.0; 3]; filtered.pixels.len()];
+        let shares = settings.loss.shares();
+        let parts = parts(&filtered.pixels, 1.0, &scene.reference, shares, &mut owed);
+        let (width, height) = scene.image.size();
+        let rgb = [0, 1, 2].map(|k| filtered.pixels.iter().map(|pixel| pixel[k]).collect());
+        let image = Image::new(&scene.name, width, height, rgb).expect("a colour per pixel");
+        let metrics = Metrics::of(&image, &scene.image)?;
+        let logs = [metrics.rel_mse, metrics.trimmed_rel_mse].map(|x| x.max(1e-12).ln());
+        sums[0] += settings.loss.score(parts);
+        sums[1] += logs[0];
+        sums[2] += logs[1];
+        count += 1.0;
+    }
+    let [score, rel_mse, trimmed] = sums.map(|sum| sum / count);
+    Ok(Trial { score, rel_mse: rel_mse.exp(), trimmed_rel_mse: trimmed.exp() })
+}
+
+fn refused(scenes: &[TuningScene], source: PlanError) -> Error {
+    let missing = |scene: &&TuningScene| match &source {
+        PlanError::Missing { plane, .. } => {
+            scene.levels.iter().any(|level| level.scene.fact(*plane) == Fact::Absent)
+        }
+        _ => false,
+    };
+    let scene = scenes.iter().find(missing).or(scenes.first());
+    Error::Plan { scene: scene.map_or(String::new(), |scene| scene.name.clone()), source }
+}
+
+/// Code for every set of features that makes a difference to a filter, all of them first.
+fn codes(
+    filter: &Filter,
+    settings: &Settings,
+    scenes: &[TuningScene],
+    backend: &impl Differentiator,
+) -> Result<Vec<Code>, Error> {
+    let checked = filter.check().expect("whoever has a filter has checked it");
+    let levels = scenes.iter().flat_map(|scene| &scene.levels);
+    let all = Facts::of_all(levels.map(|level| &level.scene));
+    let needs = checked.needs();
+    let reads: BTreeMap<PlaneId, ()> =
+        needs.named().into_iter().flatten().map(|&plane| (plane, ())).collect();
+    let mut codes: Vec<(Facts, Code)> = Vec::new();
+    for lack in &LACKS {
+        let kept = all.iter().filter(|(plane, _)| {
+            reads.contains_key(plane) && !lack.features.contains(&plane.feature)
+        });
+        let facts =
+            Facts::from_planes(kept.map(|(plane, fact)| (plane, within(plane, fact, settings))));
+        if codes.iter().any(|(known, _)| *known == facts) {
+            continue;
+        }
+        let gradient = match Gradient::new(&checked, &facts, Passes::ALL) {
+            Ok(gradient) => gradient,
+            // Who cannot do without a feature is not tuned without it.
+            Err(_) if !codes.is_empty() => continue,
+            Err(source) => return Err(refused(scenes, source)),
+        };
+        let code = backend.differentiate(&gradient)?;
+        codes.push((facts, Code { lack, code, workspaces: Mutex::default() }));
+    }
+    Ok(codes.into_iter().map(|(_, code)| code).collect())
+}
+
+/// What is known of a plane where light is made brighter or darker.
+fn within(plane: PlaneId, fact: Fact, settings: &Settings) -> Fact {
+    let light = matches!(plane.feature, Feature::Color | Feature::DirIllumination);
+    let Interval { lo, hi } = fact.interval();
+    if !light || fact == Fact::Absent || (lo == 0.0 && hi == 0.0) {
+        return fact;
+    }
+    let gain = settings.stops.exp2().next_up();
+    let gain = if plane.quantity == Quantity::Variance { gain * gain } else { gain };
+    let low = if lo < 0.0 { lo * gain } else { lo / gain };
+    let high = if hi < 0.0 { hi / gain } else { hi * gain };
+    Fact::Range(Interval::new(low.next_down(), high.next_up()))
+}
