@@ -124,6 +124,10 @@ struct Parameters {
     #[arg(long, value_name = "X")]
     stops: Option<f32>,
 
+    /// The share of parts that are made less noisy [default: 0.15]
+    #[arg(long, value_name = "X")]
+    clean: Option<f64>,
+
     /// Steps between trials on the validation scenes [default: 250]
     #[arg(long, value_name = "N")]
     interval: Option<u32>,
@@ -158,6 +162,7 @@ impl Parameters {
         set(&mut settings.decay, self.decay);
         set(&mut settings.drop, self.drop);
         set(&mut settings.stops, self.stops);
+        set(&mut settings.clean, self.clean);
         set(&mut settings.interval, self.interval);
         set(&mut settings.patience, self.patience);
     }
@@ -175,6 +180,7 @@ impl Parameters {
             ("--decay", self.decay.is_some()),
             ("--drop", self.drop.is_some()),
             ("--stops", self.stops.is_some()),
+            ("--clean", self.clean.is_some()),
             ("--interval", self.interval.is_some()),
             ("--patience", self.patience.is_some()),
         ];

@@ -1,9 +1,11 @@
 //! Parts of scenes, turned: what constants are tuned on.
 
+use std::collections::BTreeMap;
+
 use super::Scene;
-use super::facts::Facts;
+use super::facts::{Fact, Facts};
 use super::plane::{Edge, Layout, Plane, Samples};
-use crate::expr::feature::Feature;
+use crate::expr::feature::{Feature, Quantity};
 
 /// A part of an image, and how it is turned.
 ///
@@ -65,7 +67,7 @@ impl Scene {
             let light = matches!(id.feature, Feature::Color | Feature::DirIllumination);
             let gain = match (light, id.quantity) {
                 (false, _) => 1.0,
-                (true, crate::expr::Quantity::Variance) => gain * gain,
+                (true, Quantity::Variance) => gain * gain,
                 (true, _) => gain,
             };
             let plane = match plane {
@@ -82,13 +84,11 @@ impl Scene {
             };
             (id, plane)
         });
-        let planes: std::collections::BTreeMap<_, _> = planes.collect();
+        let planes: BTreeMap<_, _> = planes.collect();
         let color = self.color.each_ref();
         let facts = match gain == 1.0 {
             true => self.facts.clone(),
-            false => {
-                Facts::from_planes(planes.iter().map(|(&id, plane)| (id, super::Fact::of(plane))))
-            }
+            false => Facts::from_planes(planes.iter().map(|(&id, plane)| (id, Fact::of(plane)))),
         };
         Self {
             name: self.name.clone(),
@@ -102,6 +102,48 @@ impl Scene {
             notes: Vec::new(),
             origin: self.origin.clone(),
         }
+    }
+}
+
+impl Scene {
+    /// The same scene as if it had been rendered with more samples: what its colour differs by
+    /// from a reference (linear R, G, B as the renderer wrote them, pixel by pixel) becomes
+    /// this share of itself, its variance the square of that. Features and gradients stay.
+    ///
+    /// # Panics
+    /// If the reference is of another size.
+    #[must_use]
+    pub fn quieter(&self, reference: &[[f32; 3]], share: f32) -> Self {
+        assert_eq!(reference.len(), self.layout.pixels(), "one colour per pixel");
+        let (layout, width) = (self.layout, self.layout.width());
+        let nearer = |samples: &Samples, component: usize, unit: f32| -> Vec<f32> {
+            let pixel = |(k, pixel): (usize, &[f32; 3])| {
+                let truth = pixel[component] / unit;
+                truth + share * (samples.at(k % width, k / width) - truth)
+            };
+            reference.iter().enumerate().map(pixel).collect()
+        };
+        let exposure = self.normalization.exposure;
+        let plane = |(&id, plane): (&crate::expr::PlaneId, &Plane)| {
+            let changed = match (id.feature, id.quantity, plane) {
+                (Feature::Color, Quantity::Value, Plane::Samples(samples)) => {
+                    let pixels = nearer(samples, id.component.into(), exposure);
+                    Plane::Samples(Samples::new(layout, &pixels, Edge::Replicate))
+                }
+                (Feature::Color, Quantity::Variance, Plane::Samples(samples)) => {
+                    let rows = (0..layout.height()).flat_map(|y| samples.pixels(y));
+                    let pixels: Vec<f32> = rows.map(|x| share * share * x).collect();
+                    Plane::Samples(Samples::new(layout, &pixels, Edge::Replicate))
+                }
+                _ => plane.clone(),
+            };
+            (id, changed)
+        };
+        let planes: BTreeMap<_, _> = self.planes.iter().map(plane).collect();
+        let facts = Facts::from_planes(planes.iter().map(|(&id, plane)| (id, Fact::of(plane))));
+        let [r, g, b] =
+            [0, 1, 2].map(|k| Samples::new(layout, &nearer(&self.color[k], k, 1.0), Edge::Zero));
+        Self { color: [r, g, b], planes, facts, ..self.clone() }
     }
 }
 

@@ -60,6 +60,8 @@ pub struct Draw {
     pub crop: Crop,
     /// By what light is multiplied.
     pub gain: f32,
+    /// Which share of its noise is left.
+    pub noise: f32,
 }
 
 impl Draw {
@@ -83,7 +85,10 @@ impl Draw {
         let dropped = stream.random_bool(settings.drop) && lacks > 1;
         let lack = if dropped { stream.random_range(1..lacks) } else { 0 };
         let stops = stream.random_range(-1.0f32..=1.0) * settings.stops;
+        let (quiet, halvings) =
+            (stream.random_bool(settings.clean), stream.random_range(0.0f32..3.0));
+        let noise = if quiet { (-halvings).exp2() } else { 1.0 };
         let crop = Crop { corner, size, flipped, transposed };
-        Self { scene, level, lack, crop, gain: stops.exp2() }
+        Self { scene, level, lack, crop, gain: stops.exp2(), noise }
     }
 }

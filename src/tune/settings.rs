@@ -31,6 +31,9 @@ pub struct Settings {
     /// By how many stops light is made brighter or darker, at most: what filters see is in
     /// units of the exposure, which a few lamps may move as far.
     pub stops: f32,
+    /// The share of parts that are made less noisy than they were rendered, as if with up to
+    /// 64 times as many samples: so that clean images stay clean.
+    pub clean: f64,
     /// Steps from one trial on the validation scenes to the next.
     pub interval: u32,
     /// Trials in a row of which none is the best so far, after which the run ends; 0 for
@@ -51,6 +54,7 @@ impl Default for Settings {
             decay: 0.01,
             drop: 0.4,
             stops: 0.5,
+            clean: 0.15,
             interval: 250,
             patience: 0,
         }
@@ -83,6 +87,9 @@ impl Settings {
             }
             Self { drop, .. } if !(0.0..=1.0).contains(drop) => {
                 refuse("drop", drop.to_string(), "between 0 and 1")
+            }
+            Self { clean, .. } if !(0.0..=1.0).contains(clean) => {
+                refuse("clean", clean.to_string(), "between 0 and 1")
             }
             Self { stops, .. } if !(0.0..=8.0).contains(stops) => {
                 refuse("stops", stops.to_string(), "between 0 and 8")

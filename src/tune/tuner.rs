@@ -252,7 +252,8 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
         let rates = rates.at(state.next, settings.steps);
         let state = &mut self.state;
         self.scales.step(&mut state.position, &sum, state.next, rates);
-        for (draw, (parts, _)) in draws.iter().zip(&gradients) {
+        for (draw, (parts, _)) in draws.iter().zip(&gradients).filter(|(draw, _)| draw.noise == 1.0)
+        {
             let norms = &mut state.norms[draw.scene][draw.level];
             for (norm, part) in norms.iter_mut().zip(parts) {
                 *norm = if norm.is_nan() { *part } else { *norm + NEWS * (part - *norm) };
@@ -268,15 +269,27 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
     fn gradient(&self, draw: &Draw, constants: &[f32]) -> Result<([f64; PARTS], Vec<f64>), Error> {
         let scene = &self.training[draw.scene];
         let whole = &scene.levels[draw.level].scene;
-        let noisy = whole.crop(&draw.crop, draw.gain);
         let pixels = draw.crop.pixels(whole.layout().width());
         let reference = super::loss::Reference {
             pixels: pixels.map(|k| scene.reference.pixels[k]).collect(),
             exposure: scene.reference.exposure,
         };
+        let noisy = match draw.noise == 1.0 {
+            true => whole.crop(&draw.crop, draw.gain),
+            false => {
+                let bright = |pixel: &[f32; 3]| pixel.map(|x| x * draw.gain);
+                let truth: Vec<[f32; 3]> = reference.pixels.iter().map(bright).collect();
+                whole.crop(&draw.crop, draw.gain).quieter(&truth, draw.noise)
+            }
+        };
         // The result is as much brighter as what was filtered.
         let unit = whole.normalization().exposure / draw.gain;
-        let norms = self.state.norms[draw.scene][draw.level];
+        // What a part loses that is less noisy than its image says nothing of the others.
+        let quiet = draw.noise < 1.0;
+        let norms = match quiet {
+            true => [f64::NAN; PARTS],
+            false => self.state.norms[draw.scene][draw.level],
+        };
         let shares = self.settings.loss.shares();
         let mut lost = [0.0; PARTS];
         let mut loss = |colors: &[[f32; 3]], owed: &mut [[f32; 3]]| {
@@ -288,7 +301,7 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
                 weights
             };
             if norms[0].is_nan() {
-                // Of an image that is seen for the first time, what it is now.
+                // Of what is seen for the first time, what it is now.
                 lost = parts(colors, unit, &reference, shares, owed);
                 parts(colors, unit, &reference, weigh(lost), owed);
             } else {
@@ -400,8 +413,9 @@ fn codes(
         let kept = all.iter().filter(|(plane, _)| {
             reads.contains_key(plane) && !lack.features.contains(&plane.feature)
         });
-        let facts =
-            Facts::from_planes(kept.map(|(plane, fact)| (plane, within(plane, fact, settings))));
+        let facts = Facts::from_planes(kept.map(|(plane, fact)| {
+            (plane, within(plane, fact.join(truth(plane, fact, scenes)), settings))
+        }));
         if codes.iter().any(|(known, _)| *known == facts) {
             continue;
         }
@@ -415,6 +429,22 @@ fn codes(
         codes.push((facts, Code { lack, code, workspaces: Mutex::default() }));
     }
     Ok(codes.into_iter().map(|(_, code)| code).collect())
+}
+
+/// What is known of the colour without its noise; of other planes what is known anyway.
+fn truth(plane: PlaneId, fact: Fact, scenes: &[TuningScene]) -> Fact {
+    if (plane.feature, plane.quantity) != (Feature::Color, Quantity::Value) {
+        return fact;
+    }
+    let component = usize::from(plane.component);
+    let of = |scene: &TuningScene| {
+        let channel = scene.image.rgb()[component].iter().copied();
+        let (low, high) = channel.fold((0.0f32, 0.0f32), |(l, h), x| (l.min(x), h.max(x)));
+        let exposures = scene.levels.iter().map(|level| level.scene.normalization().exposure);
+        let least = exposures.fold(f32::INFINITY, f32::min);
+        Fact::Range(Interval::new(low / least, high / least))
+    };
+    scenes.iter().map(of).fold(fact, Fact::join)
 }
 
 /// What is known of a plane where light is made brighter or darker.
