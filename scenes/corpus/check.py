@@ -94,7 +94,7 @@ def main():
     parser.add_argument("--features", action="store_true", help="sheets with normals, albedo and direct light too")
     a = parser.parse_args()
     table, cells, wrong, missing = notes(a.data), {"train": [], "validate": []}, 0, 0
-    for name, kind, seed, split in render.scenes():
+    for name, _, _, split, _ in render.scenes():
         folder = a.data / split / name
         if not (folder / "reference.exr").exists():
             missing += 1

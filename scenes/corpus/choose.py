@@ -23,16 +23,22 @@ PLACES = {
     "corridor": (8, 1), "gallery": (8, 1), "closeup": (8, 1), "landscape": (7, 1), "fine": (7, 1), "dark": (7, 1),
     "stairs": (6, 1), "caustics": (6, 1), "street": (6, 1), "abstract": (6, 1), "printed": (5, 1), "night": (5, 1),
 }  # fmt: skip
+# Some more in Cycles: kind and split.
+CYCLES = [
+    ("room", "train"), ("tabletop", "train"), ("exterior", "train"), ("plain", "validate"), ("wet", "train"),
+    ("gallery", "train"), ("fine", "train"), ("nook", "validate"), ("closeup", "train"), ("corridor", "train"),
+]  # fmt: skip
 
 
 def places():
-    """Every place as (name, kind, number, split), kinds mixed evenly so that any beginning of the list is mixed too."""
+    """Every place as (name, kind, number, split, renderer); kinds are mixed, so any beginning of the list is too."""
     rows = []
     for kind, (count, held) in PLACES.items():
         for i in range(count):
             split = "validate" if i % 4 == 2 and i // 4 < held else "train"
-            rows.append(((i + 0.5) / count, f"{kind}_{i + 1:03d}", kind, i + 1, split))
-    return [row[1:] for row in sorted(rows)]
+            rows.append(((i + 0.5) / count, f"{kind}_{i + 1:03d}", kind, i + 1, split, "mitsuba"))
+    rows = [row[1:] for row in sorted(rows)]
+    return rows + [(f"cycles_{kind}", kind, 101 + i, split, "cycles") for i, (kind, split) in enumerate(CYCLES)]
 
 
 def main():
@@ -40,21 +46,18 @@ def main():
     parser.add_argument("--out", type=Path, default=HERE.parents[1] / "data/corpus")
     parser.add_argument("--threads", type=int, default=0)
     a = parser.parse_args()
-    import drjit as dr
-
-    if a.threads:
-        dr.set_thread_count(a.threads)
+    render.use_threads(a.threads, places())
     seeds = HERE / "seeds.txt"
     have = {row[0] for row in render.scenes()}
-    for name, kind, number, split in places():
+    for name, kind, number, split, renderer in places():
         if name in have:
             continue
         for attempt in range(8):
             seed = number + 1000 * attempt
             try:
-                if render.render_scene(name, kind, seed, split, a.out, choosy=True):
+                if render.render_scene(name, kind, seed, split, renderer, a.out, choosy=True):
                     with seeds.open("a") as f:
-                        f.write(f"{name} {kind} {seed} {split}\n")
+                        f.write(f"{name} {kind} {seed} {split}{' cycles' if renderer == 'cycles' else ''}\n")
                     break
             except Exception:
                 traceback.print_exc()

@@ -7,6 +7,7 @@ python3 scenes/corpus/render.py --preview /tmp/x     few samples, a PNG for each
 """
 
 import argparse
+import importlib
 import os
 import sys
 import time
@@ -41,12 +42,12 @@ FILES = [f"{n}spp.exr" for n in COUNTS] + ["reference.exr"]
 
 
 def scenes():
-    """(name, kind, seed, split) of every scene."""
+    """(name, kind, seed, split, renderer) of every scene; Mitsuba where the list names no renderer."""
     rows = []
     for line in (HERE / "seeds.txt").read_text().splitlines():
         if line.strip() and not line.startswith("#"):
-            name, kind, seed, split = line.split()
-            rows.append((name, kind, int(seed), split))
+            name, kind, seed, split, *renderer = line.split()
+            rows.append((name, kind, int(seed), split, *(renderer or ["mitsuba"])))
     return rows
 
 
@@ -135,14 +136,14 @@ def fit(counts):
     return 0.004 < error < 2.2 and many.mean() < 1.5 and shown.std() > 0.05
 
 
-def render_scene(name, kind, seed, split, out, preview=None, choosy=False):
+def render_scene(name, kind, seed, split, renderer, out, preview=None, choosy=False):
     """Render into files; gives False, and leaves nothing, where a `choosy` caller would not want the scene."""
+    module = importlib.import_module("corpus.cycles" if renderer == "cycles" else "mitsuba_stage")
     from corpus.scenery import generate
-    from mitsuba_stage import Renderer
 
     start = time.time()
-    made = generate(kind, seed)
-    render = Renderer(made.stage, made.size, 0, made.max_depth)
+    made = generate(kind, seed, module.Stage)
+    render = module.Renderer(made.stage, made.size, 0, made.max_depth)
     pilot = render.colour(PILOT_SPP, PILOT)
     exposure = exposure_for(pilot, made.mean)
     render.set_clamp(made.clamp / exposure)
@@ -201,6 +202,19 @@ def render_scene(name, kind, seed, split, out, preview=None, choosy=False):
     return True
 
 
+def use_threads(count, rows):
+    """Keep the renderers of these scenes to so many threads (0: all cores)."""
+    if not count:
+        return
+    import drjit as dr
+
+    dr.set_thread_count(count)
+    if any(row[4] == "cycles" for row in rows):
+        from corpus import cycles
+
+        cycles.Renderer.threads = count
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scene", action="append", help="render only this one (repeatable)")
@@ -223,10 +237,7 @@ def main():
     if a.list:
         print("\n".join(s[0] for s in todo))
         return
-    import drjit as dr
-
-    if a.threads:
-        dr.set_thread_count(a.threads)
+    use_threads(a.threads, todo)
     for row in todo:
         try:
             render_scene(*row, a.out, a.preview)

@@ -46,8 +46,11 @@ class Made:
 class Set:
     """A stage being filled, with its random generator and palette."""
 
+    # The class of the stage: another renderer's takes its place.
+    new_stage = Stage
+
     def __init__(self, rng, mood=None):
-        self.rng, self.stage = rng, Stage()
+        self.rng, self.stage = rng, self.new_stage()
         self.pal = Palette(rng, mood)
         self.mean = float(rng.uniform(0.2, 0.5))
         self.depth = 8
@@ -1009,6 +1012,7 @@ KINDS = {
 }  # fmt: skip
 
 
-def generate(kind, seed):
+def generate(kind, seed, stage=Stage):
     """The scene of this kind and seed; the same on every machine but for rounding."""
+    Set.new_stage = stage
     return KINDS[kind](np.random.default_rng([seed, list(KINDS).index(kind)]))
