@@ -133,7 +133,7 @@ def fit(counts):
     many, few = (measure.planes(counts[n], "") for n in (64, 4))
     error = measure.relmse(few, many)[1]
     shown = np.clip(many, 0, 1).mean(-1) ** 0.45
-    return 0.004 < error < 2.2 and many.mean() < 1.5 and shown.std() > 0.05
+    return 0.004 < error < 1.8 and many.mean() < 1.5 and shown.std() > 0.05
 
 
 def render_scene(name, kind, seed, split, renderer, out, preview=None, choosy=False):

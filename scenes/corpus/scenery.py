@@ -134,7 +134,7 @@ class Set:
         self.stage.environment(image, turn)
 
     def finish(self, clamp=None):
-        if self.chance(0.25):
+        if self.chance(0.35):
             # Some pictures as Cycles writes them.
             self.stage.habits |= {"facing": True, "lamp_albedo": 1.0}
         size = SIZES[self.rng.integers(len(SIZES))]
