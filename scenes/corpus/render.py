@@ -138,7 +138,7 @@ def fit(counts):
 
 def render_scene(name, kind, seed, split, renderer, out, preview=None, choosy=False):
     """Render into files; gives False, and leaves nothing, where a `choosy` caller would not want the scene."""
-    module = importlib.import_module("corpus.cycles" if renderer == "cycles" else "mitsuba_stage")
+    module = importlib.import_module("corpus.in_cycles" if renderer == "cycles" else "mitsuba_stage")
     from corpus.scenery import generate
 
     start = time.time()
@@ -210,9 +210,9 @@ def use_threads(count, rows):
 
     dr.set_thread_count(count)
     if any(row[4] == "cycles" for row in rows):
-        from corpus import cycles
+        from corpus import in_cycles
 
-        cycles.Renderer.threads = count
+        in_cycles.Renderer.threads = count
 
 
 def main():
