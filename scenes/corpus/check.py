@@ -24,14 +24,6 @@ CELL, LABEL, COLUMNS = 112, 12, 6
 tone = lambda a: np.clip(a, 0, 1) ** (1 / 2.2)
 
 
-def notes(folder):
-    """What scenes.tsv says of every scene."""
-    table = folder / "scenes.tsv"
-    lines = table.read_text().splitlines() if table.exists() else [""]
-    head = lines[0].split("\t")
-    return {line.split("\t")[0]: dict(zip(head, line.split("\t"))) for line in lines[1:]}
-
-
 def cell(pictures, name):
     out = Image.new("RGB", (CELL * len(pictures), CELL + LABEL), (30, 30, 30))
     for i, p in enumerate(pictures):
@@ -93,7 +85,7 @@ def main():
     parser.add_argument("--sheet", type=Path, metavar="DIR", help="write the contact sheets here")
     parser.add_argument("--features", action="store_true", help="sheets with normals, albedo and direct light too")
     a = parser.parse_args()
-    table, cells, wrong, missing = notes(a.data), {"train": [], "validate": []}, 0, 0
+    table, cells, wrong, missing = render.notes(a.data), {"train": [], "validate": []}, 0, 0
     for name, _, _, split, _ in render.scenes():
         folder = a.data / split / name
         if not (folder / "reference.exr").exists():

@@ -7,6 +7,7 @@ python3 scenes/corpus/render.py --preview /tmp/x     few samples, a PNG for each
 """
 
 import argparse
+import fcntl
 import importlib
 import os
 import sys
@@ -107,21 +108,30 @@ def reference(render, exposure, colour):
 
 
 def save(path, channels):
-    """Whole or not at all."""
+    """Whole or not at all; what is there stays."""
+    if path.exists():
+        return
     part = path.with_suffix(".part.exr")
     exr.write(part, channels, compact=NOISY_BITS if "Direct.R" in channels else REFERENCE_BITS)
     os.replace(part, path)
 
 
-def note(out, row):
-    """One line of the table of all scenes."""
+def notes(out):
+    """Name -> row of the table of all scenes."""
     table = out / "scenes.tsv"
-    head = "\t".join(COLUMNS)
     lines = table.read_text().splitlines()[1:] if table.exists() else []
-    lines = sorted([line for line in lines if line.split("\t")[0] != row[0]] + ["\t".join(map(str, row))])
-    part = table.with_suffix(".part")
-    part.write_text("\n".join([head, *lines]) + "\n")
-    os.replace(part, table)
+    return {line.split("\t")[0]: dict(zip(COLUMNS, line.split("\t"))) for line in lines}
+
+
+def note(out, row):
+    """Put one row into the table; other processes may do the same."""
+    with (out / "scenes.tsv.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        rows = notes(out) | {row[0]: dict(zip(COLUMNS, map(str, row)))}
+        lines = ["\t".join(COLUMNS)] + ["\t".join(rows[name].values()) for name in sorted(rows)]
+        part = out / "scenes.tsv.part"
+        part.write_text("\n".join(lines) + "\n")
+        os.replace(part, out / "scenes.tsv")
 
 
 def fit(counts):
@@ -145,7 +155,9 @@ def render_scene(name, kind, seed, split, renderer, out, preview=None, choosy=Fa
     made = generate(kind, seed, module.Stage)
     render = module.Renderer(made.stage, made.size, 0, made.max_depth)
     pilot = render.colour(PILOT_SPP, PILOT)
-    exposure = exposure_for(pilot, made.mean)
+    # Another machine's rounding could tip a digit of the exposure: the table has the last word.
+    known = {} if choosy else notes(out).get(name, {})
+    exposure = float(known.get("exposure", 0)) or exposure_for(pilot, made.mean)
     render.set_clamp(made.clamp / exposure)
     render.expose_lamps(exposure)
     if preview:
@@ -167,9 +179,15 @@ def render_scene(name, kind, seed, split, renderer, out, preview=None, choosy=Fa
     colour = measure.planes(counts[4], "")
     if choosy and not fit(counts):
         return False
+    folder = out / split / name
+    if known and (folder / "reference.exr").exists():
+        # Only other sample counts are missing.
+        for n, channels in counts.items():
+            save(folder / f"{n}spp.exr", channels)
+        print(f"{name}: samples only, {time.time() - start:.0f} s", flush=True)
+        return True
     halves, spp = reference(render, exposure, colour)
     mean = (halves[0] + halves[1]) / 2
-    folder = out / split / name
     folder.mkdir(parents=True, exist_ok=True)
     for n, channels in counts.items():
         save(folder / f"{n}spp.exr", channels)
@@ -178,20 +196,8 @@ def render_scene(name, kind, seed, split, renderer, out, preview=None, choosy=Fa
     error, own = measure.relmse(colour, mean), measure.reference_noise(*halves)
     seconds = time.time() - start
     shares = [own[i] / max(error[i], 1e-12) for i in (0, 1)]
-    note(
-        out,
-        [
-            name,
-            kind,
-            seed,
-            split,
-            exposure,
-            spp,
-            *(f"{e:.4f}" for e in error),
-            *(f"{x:.4f}" for x in shares),
-            f"{seconds:.0f}",
-        ],
-    )
+    numbers = [f"{x:.4f}" for x in (*error, *shares)]
+    note(out, [name, kind, seed, split, exposure, spp, *numbers, f"{seconds:.0f}"])
     print(
         f"{name} {made.size[0]}x{made.size[1]} {spp} spp, error {error[0]:.3f} ({error[1]:.3f}), reference's noise "
         f"{shares[0]:.2%} ({shares[1]:.2%}), mean {mean.mean():.3f}, {seconds:.0f} s",
