@@ -5,6 +5,10 @@ import OpenEXR
 
 # Bits of mantissa kept in float channels: what is cut off is far below the noise, and zeros compress.
 FINE, COARSE = 17, 9
+# The same for compact files, of which many have to fit.
+COMPACT_FINE, COMPACT, COMPACT_COARSE = 10, 7, 2
+# The smallest value that half float holds with all its bits.
+HALF_MIN = 2.0**-14
 
 
 def rounded(a, bits):
@@ -28,15 +32,32 @@ def storage(name, a):
     return half.astype(np.float16)
 
 
-def write(path, channels):
-    """Write a dict of name -> (height, width); refuses what is not finite."""
+def compact_storage(name, a, colour_bits):
+    """As `storage`, with fewer bits: still far below the noise of a few samples."""
+    if "Variance" in name:
+        kept = rounded(a, COMPACT_COARSE)
+        # Variances often leave half float's range at the small end.
+        fits = kept.max() < 65000 and np.mean((kept > 0) & (kept < HALF_MIN)) < 0.01
+    else:
+        fine = name.startswith(("Position", "Depth"))
+        kept = rounded(a, COMPACT_FINE if fine else colour_bits if name in "RGB" else COMPACT)
+        fits = np.abs(kept).max() < 65000
+    return kept.astype(np.float16) if fits else kept
+
+
+def write(path, channels, compact=None):
+    """Write a dict of name -> (height, width); refuses what is not finite.
+
+    `compact`: bits of mantissa kept of colour in a compact file.
+    """
     for name, a in channels.items():
         if not np.isfinite(a).all():
             raise ValueError(
                 f"{path}: channel {name} holds {np.count_nonzero(~np.isfinite(a))} values that are not finite"
             )
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    stored = {name: np.ascontiguousarray(storage(name, a)) for name, a in channels.items()}
+    kept = (lambda name, a: compact_storage(name, a, compact)) if compact else storage
+    stored = {name: np.ascontiguousarray(kept(name, a)) for name, a in channels.items()}
     for name, a in stored.items():
         if not np.isfinite(a.astype(np.float32)).all():
             raise ValueError(f"{path}: channel {name} overflows its type")

@@ -11,6 +11,11 @@ Features (0 where a ray hits nothing):
 - SecondaryAlbedo: diffuse reflectance at the end of a chain of specular or glossy bounces (five at most)
   that starts at the first hit, also under the coat of a plastic; 0 where the first hit has no such lobe;
 - Direct: light emitted towards the camera by the first hit, plus light that reaches it straight from a light.
+
+Two renderers' habits can be had: `lamp_albedo` writes the light that a lamp or the sky sends (times that number) as
+its albedo, well above 1, and `facing` turns normals towards the camera; both are what Cycles does.
+
+Fog is one homogeneous, isotropically scattering medium that fills a ball; features are those of the surfaces behind it.
 """
 
 import drjit as dr
@@ -51,18 +56,25 @@ def diffuse_albedo(si, active):
 
 
 def capped(light, clamp):
-    """`light`, scaled down so that no channel exceeds `clamp` (0: no clamp)."""
-    if not clamp:
-        return light
+    """`light`, scaled down so that no channel exceeds `clamp`."""
     peak = dr.max(light)
     return light * dr.select(peak > clamp, clamp / peak, 1)
+
+
+def chord(ray, centre, radius):
+    """Where `ray` enters and leaves the ball: two distances, equal where it misses."""
+    to = centre - ray.o
+    middle = dr.dot(to, ray.d)
+    half = dr.sqrt(dr.maximum(radius * radius - dr.squared_norm(to) + middle * middle, 0))
+    return dr.maximum(middle - half, 0), dr.maximum(middle + half, 0)
 
 
 class FeaturePath(mi.SamplingIntegrator):
     """Path tracing with next-event estimation and multiple importance sampling, plus the features above.
 
     Properties: `max_depth` (number of bounces), `clamp` (largest value that one light contribution may add at
-    the second vertex or later; 0: none), `features` (false: colour only, for references).
+    the second vertex or later; 0: none), `features` (false: colour only, for references). Attributes: `lamp_albedo` (0:
+    lamps have none), `facing`, `fog`.
     """
 
     def __init__(self, props):
@@ -70,9 +82,53 @@ class FeaturePath(mi.SamplingIntegrator):
         self.max_depth = props.get("max_depth", 12)
         self.clamp = props.get("clamp", 0.0)
         self.features = props.get("features", True)
+        self.lamp_albedo, self.facing = 0.0, False
+        # Density, albedo (three numbers), centre (three numbers) and radius.
+        self.fog = None
 
     def aov_names(self):
         return list(NAMES) if self.features else []
+
+    def mist(self):
+        """The fog as variables: another fog needs no other kernel."""
+        density, tint, centre, radius = self.fog or (0.0, (0, 0, 0), (0, 0, 0), 0.0)
+        out = mi.Float(density), mi.Color3f(*tint), mi.Point3f(*centre), mi.Float(radius)
+        dr.make_opaque(out)
+        return out
+
+    def scatter(self, ray, si, mist, sampler, active):
+        """Whether the fog scatters the ray before it reaches the surface `si`, and where."""
+        if self.fog is None:
+            return mi.Bool(False), si.p
+        density, _, centre, radius = mist
+        enter, leave = chord(ray, centre, radius)
+        flight = enter - dr.log(1 - sampler.next_1d(active)) / density
+        return active & (flight < dr.minimum(leave, si.t)), ray(flight)
+
+    def fog_light(self, si, ds, mist, scattered, value, pdf, light):
+        """A light's contribution at a point in the fog, or through fog at a surface."""
+        if self.fog is None:
+            return value, pdf, light
+        density, tint, centre, radius = mist
+        enter, leave = chord(mi.Ray3f(si.p, ds.d), centre, radius)
+        # The sky gives a distance too, which means nothing.
+        sky = mi.has_flag(ds.emitter.flags(), mi.EmitterFlags.Infinite)
+        leave = dr.select(sky, leave, dr.minimum(leave, ds.dist))
+        light = light * dr.exp(-density * dr.maximum(leave - enter, 0))
+        value = dr.select(scattered, tint * dr.inv_four_pi, value)
+        return value, dr.select(scattered, dr.inv_four_pi, pdf), light
+
+    def fog_turn(self, mist, spot, scattered, weight, pdf, delta, way, eta):
+        """The next direction, where the fog has scattered the path."""
+        if self.fog is None:
+            return weight, pdf, delta, way, eta
+        return (
+            dr.select(scattered, mist[1], weight),
+            dr.select(scattered, dr.inv_four_pi, pdf),
+            delta & ~scattered,
+            dr.select(scattered, mi.warp.square_to_uniform_sphere(spot), way),
+            dr.select(scattered, 1, eta),
+        )
 
     @dr.syntax
     def secondary(self, scene, sampler, first, active):
@@ -101,6 +157,9 @@ class FeaturePath(mi.SamplingIntegrator):
     def sample(self, scene, sampler, ray, medium=None, active=True):
         context = mi.BSDFContext()
         ray = mi.Ray3f(dr.detach(ray))
+        # Opaque: another clamp needs no other kernel.
+        clamp = dr.opaque(mi.Float, self.clamp or dr.largest(mi.Float))
+        mist = self.mist()
         active = mi.Bool(active)
         throughput = mi.Color3f(1)
         eta = mi.Float(1)
@@ -120,41 +179,55 @@ class FeaturePath(mi.SamplingIntegrator):
             position = dr.select(hit, first.p, 0)
             normal = dr.select(hit, first.sh_frame.n, 0)
             distance = dr.select(hit, dr.norm(first.p - ray.o), 0)
+            if dr.hint(self.lamp_albedo > 0, mode="scalar"):
+                albedo += first.emitter(scene, active).eval(first, active) * dr.opaque(mi.Float, self.lamp_albedo)
+            if dr.hint(self.facing, mode="scalar"):
+                normal = dr.select(dr.dot(normal, ray.d) > 0, -normal, normal)
 
         while dr.hint(active, max_iterations=64, label="bounces"):
             si = scene.ray_intersect(ray, active)
 
-            # Light that the ray ran into, weighted against the chance of having sampled it as a light.
-            emitter = si.emitter(scene, active)
-            to_light = mi.DirectionSample3f(scene, si, last)
-            light_pdf = scene.pdf_emitter_direction(last, to_light, active & ~last_delta)
-            weight = dr.select(last_delta, 1, last_pdf / dr.maximum(last_pdf + light_pdf, 1e-30))
-            found = throughput * weight * emitter.eval(si, active)
-            direct = dr.select(depth <= 1, direct + found, direct)
-            colour += dr.select(depth <= 1, found, capped(found, self.clamp))
+            # Where the fog scatters the ray, the surface behind is not reached.
+            scattered, place = self.scatter(ray, si, mist, sampler, active)
 
-            active &= si.is_valid() & (depth < self.max_depth)
+            # Light that the ray ran into, weighted against the chance of having sampled it as a light.
+            seen = active & ~scattered
+            emitter = si.emitter(scene, seen)
+            to_light = mi.DirectionSample3f(scene, si, last)
+            light_pdf = scene.pdf_emitter_direction(last, to_light, seen & ~last_delta)
+            weight = dr.select(last_delta, 1, last_pdf / dr.maximum(last_pdf + light_pdf, 1e-30))
+            found = throughput * weight * emitter.eval(si, seen)
+            direct = dr.select(depth <= 1, direct + found, direct)
+            colour += dr.select(depth <= 1, found, capped(found, clamp))
+
+            active &= (si.is_valid() | scattered) & (depth < self.max_depth)
             bsdf = si.bsdf(ray)
+            si.p = dr.select(scattered, place, si.p)
+            si.n = dr.select(scattered, mi.Normal3f(0), si.n)
 
             # One light sampled on purpose.
-            lit = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+            lit = active & (scattered | mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth))
             ds, light = scene.sample_emitter_direction(si, sampler.next_2d(lit), True, lit)
             lit &= ds.pdf > 0
             wo = si.to_local(ds.d)
-            value, pdf = bsdf.eval_pdf(context, si, wo, lit)
+            value, pdf = bsdf.eval_pdf(context, si, wo, lit & ~scattered)
+            value, pdf, light = self.fog_light(si, ds, mist, scattered, value, pdf, light)
             weight = dr.select(ds.delta, 1, ds.pdf / dr.maximum(ds.pdf + pdf, 1e-30))
             found = dr.select(lit, throughput * weight * value * light, 0)
             direct = dr.select(depth == 0, direct + found, direct)
-            colour += dr.select(depth == 0, found, capped(found, self.clamp))
+            colour += dr.select(depth == 0, found, capped(found, clamp))
 
             # The next direction.
-            sample, weight = bsdf.sample(context, si, sampler.next_1d(active), sampler.next_2d(active), active)
+            choice, spot = sampler.next_1d(active), sampler.next_2d(active)
+            sample, weight = bsdf.sample(context, si, choice, spot, active & ~scattered)
+            delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+            weight, last_pdf, last_delta, way, bend = self.fog_turn(
+                mist, spot, scattered, weight, sample.pdf, delta, si.to_world(sample.wo), sample.eta
+            )
+            eta *= bend
             throughput *= weight
-            eta *= sample.eta
             last = si
-            last_pdf = sample.pdf
-            last_delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
-            ray = si.spawn_ray(si.to_world(sample.wo))
+            ray = si.spawn_ray(way)
             depth += 1
 
             strength = dr.max(throughput)

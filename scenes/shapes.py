@@ -251,3 +251,70 @@ def curtain(width, height, folds, depth, rng):
 
     m = surface(shape, folds * 16, 4)
     return Mesh(m.v, m.f, m.uv * [width, height], m.n)
+
+
+def superquadric(east, north, columns=40, rows=24):
+    """A unit superquadric: exponents of 1 make a ball, small ones a box, 2 and more a star-like diamond."""
+    power = lambda a, e: np.sign(a) * np.abs(a) ** e
+
+    def shape(u, v):
+        a, b = (u - 0.5) * 2 * np.pi, (v - 0.5) * np.pi
+        c = power(np.maximum(np.cos(b), 0), north)
+        return np.stack([c * power(np.cos(a), east), c * power(np.sin(a), east), power(np.sin(b), north)], 1)
+
+    return surface(shape, columns, rows)
+
+
+def waves(points, rng, count=12, pitch=3.0):
+    """A smooth random field over points (n,3), about -1 to 1."""
+    k = rng.standard_normal((count, 3)) * pitch
+    return np.sin(points @ k.T + rng.uniform(0, 6.3, count)).sum(1) / np.sqrt(count / 2) / 2
+
+
+def displaced(mesh, amount, rng, pitch=3.0, octaves=2):
+    """The smooth mesh pushed along its normals by a random field."""
+    push = sum(waves(mesh.v, rng, 12, pitch * 2**i) / 2**i for i in range(octaves))
+    return smoothed(Mesh(mesh.v + mesh.n * (push * amount)[:, None], mesh.f, mesh.uv))
+
+
+def ground(size, height, rng, cells=70, pitch=0.25):
+    """Hilly ground, `size` wide, of about +-`height`; texture coordinates in scene units."""
+
+    def shape(u, v):
+        p = np.stack([(u - 0.5) * size, (v - 0.5) * size, 0 * u], 1)
+        p[:, 2] = height * (waves(p, rng, 10, pitch) + 0.25 * waves(p, rng, 10, pitch * 4))
+        return p
+
+    m = surface(shape, cells, cells)
+    return Mesh(m.v, m.f, m.uv * size, m.n)
+
+
+def knot(p, q, thickness, sides=10, steps=200):
+    """A torus knot of about unit size around the origin."""
+    t = np.linspace(0, 2 * np.pi, steps)
+    r = 0.65 + 0.28 * np.cos(q * t)
+    return tube(np.stack([r * np.cos(p * t), r * np.sin(p * t), 0.28 * np.sin(q * t)], 1), thickness, sides)
+
+
+def spring(radius, height, turns, thickness, sides=6):
+    t = np.linspace(0, 1, int(turns * 24) + 1)
+    a = 2 * np.pi * turns * t
+    return tube(np.stack([radius * np.cos(a), radius * np.sin(a), height * t], 1), thickness, sides)
+
+
+def letters(text, height, depth, font):
+    """Block letters standing in the XZ plane: every run of pixels of the drawn text is a box."""
+    from PIL import Image, ImageDraw
+
+    box_of = font.getbbox(text)
+    image = Image.new("1", (box_of[2] + 1, box_of[3] + 1))
+    ImageDraw.Draw(image).text((0, 0), text, font=font, fill=1)
+    rows = np.asarray(image)
+    step = height / rows.shape[0]
+    parts = []
+    for i, row in enumerate(rows):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], row.astype(int), [0]])))
+        for a, b in zip(edges[::2], edges[1::2]):
+            centre = ((a + b) / 2 - rows.shape[1] / 2) * step
+            parts.append(box((b - a) * step, depth, step).moved(centre, 0, height - (i + 1) * step))
+    return merged(parts)

@@ -1,0 +1,1 @@
+"""Made scenes: everything in one follows from its kind and its seed."""
