@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo bench --bench gradient
-//! cargo bench --bench gradient -- --filters tamis-3 out/tuned.toml --size 128 --rounds 9
+//! cargo bench --bench gradient -- --filters tamis-formula out/tuned.toml --size 128 --rounds 9
 //! ```
 //!
 //! Machine code on one thread, on the middle of test scenes; both are interleaved, round by
@@ -23,7 +23,7 @@ use tamis::scene::{Crop, Facts, LoadOptions, Scene, discover};
 #[derive(Parser)]
 struct Arguments {
     /// Names or files of programs
-    #[arg(long, num_args = 1.., default_values = ["tamis-3"])]
+    #[arg(long, num_args = 1.., default_values = ["tamis"])]
     filters: Vec<String>,
 
     /// Folders with scenes

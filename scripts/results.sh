@@ -4,7 +4,8 @@
 #
 #   scripts/results.sh [SCENES...]
 #
-# SCENES are further folders with 4spp.exr and reference.exr in or below them.
+# SCENES are further folders with 4spp.exr and reference.exr in or below them; OIDN in the
+# environment is the program oidnDenoise, to be compared with.
 # Writes out/best.toml, out/results.md and docs/courtyard.png. FLIP is judged by PyPI's
 # flip-evaluator, which is installed below out/venv.
 set -euo pipefail
@@ -14,22 +15,22 @@ cargo build --release
 tamis=target/release/tamis
 "$tamis" evolve --preset quick --out out
 "$tamis" score --markdown --scenes data/test "$@" \
-    --filters bilateral cross-bilateral kan2017 out/best.toml tamis-1 tamis-2 tamis-3 \
+    --filters bilateral cross-bilateral kan2017 out/best.toml tamis-2 tamis-formula tamis \
     > out/results.md
-"$tamis" sheet data/test/courtyard -o docs/courtyard.png --filters tamis-3
+"$tamis" sheet data/test/courtyard -o docs/courtyard.png --filters tamis
 
 if [[ ! -x out/venv/bin/python ]]; then
     python3 -m venv out/venv
     out/venv/bin/pip install --quiet flip-evaluator numpy OpenEXR
 fi
-folders=()
-for scenes in data/test "$@"; do
-    while IFS= read -r file; do folders+=("$(dirname "$file")"); done \
-        < <(find "$scenes" -name 4spp.exr | sort)
-done
-filters=cross-bilateral,kan2017,out/best.toml,tamis-1,tamis-2,tamis-3
+oidn=()
+if [[ -n ${OIDN:-} ]]; then oidn=(--oidn "$OIDN"); fi
 {
     echo
-    out/venv/bin/python scripts/flip.py "$tamis" "$filters" "${folders[@]}"
+    out/venv/bin/python scripts/standing.py errors "$tamis" --scenes data/test "$@" "${oidn[@]}" \
+        --filters cross-bilateral kan2017 tamis-2 tamis-formula tamis
+    echo
+    out/venv/bin/python scripts/standing.py cleaner "$tamis" --scenes data/test \
+        --filters tamis-formula tamis "${oidn[@]}" --qualities balanced
 } >> out/results.md
 cat out/results.md

@@ -20,6 +20,7 @@ Needs flip-evaluator, numpy and OpenEXR from PyPI.
 """
 
 import argparse
+import glob
 import os
 import re
 import subprocess
@@ -193,7 +194,10 @@ def main():
     parser.add_argument("--oidn", help="the program oidnDenoise")
     parser.add_argument("--qualities", nargs="+", default=["fast", "balanced", "high"], help="of Open Image Denoise")
     arguments = parser.parse_args()
-    folders = sorted({file.parent for given in arguments.scenes for file in given.rglob("reference.exr")})
+    below = [glob.glob(f"{given}/**/reference.exr", recursive=True) for given in arguments.scenes]
+    folders = sorted({Path(file).parent for files in below for file in files})
+    if not folders:
+        parser.error("no folder with reference.exr below --scenes")
     {"errors": standing, "cleaner": cleaner}[arguments.what](Contest(arguments), folders)
 
 

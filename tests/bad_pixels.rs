@@ -32,7 +32,7 @@ fn filters() -> Vec<Named> {
         let positive = known.name != "kan2017";
         (known.name.to_owned(), known.weight.clone(), positive)
     });
-    let shipped = ["tamis-1", "tamis-2"].map(|name| {
+    let shipped = ["tamis-2"].map(|name| {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("data/filters/{name}.toml"));
         let filter = Filter::read(&path).expect("it ships with the program");
         (name.to_owned(), filter.paper().expect("one gather").weight.clone(), true)

@@ -16,8 +16,8 @@ use crate::plan::Precision;
 
 const EXAMPLES: &str = "\
 Examples:
-  tamis export tamis-1 --lang c -o tamis_1.c
-  tamis export tamis-1 --lang hlsl --precision fast -o tamis_1.hlsl
+  tamis export tamis-2 --lang c -o tamis_2.c
+  tamis export tamis-2 --lang hlsl --precision fast -o tamis_2.hlsl
   tamis export bilateral --lang spirv -o bilateral.spv
   tamis export out/best.toml --lang latex
   tamis export 'exp(-distance2(normal, normal) / 0.1)' --lang wgsl --radius 6

@@ -16,7 +16,7 @@ const EXAMPLES: &str = "\
 Examples:
   tamis filters
   tamis filters kan2017 --latex
-  tamis filters show tamis-3";
+  tamis filters show tamis-formula";
 
 /// List the filters that have names.
 #[derive(Debug, Args)]

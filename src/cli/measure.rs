@@ -34,7 +34,7 @@ impl<'a> Measuring<'a> {
 
     /// Applies a filter.
     pub(super) fn apply(&self, filter: &Filter, scene: &Scene) -> Result<(Image, Applied), Error> {
-        Ok(apply(filter, scene, self.backend, self.passes)?)
+        Ok(apply(filter, scene, self.backend, self.passes, 1.0)?)
     }
 
     /// Runs every filter on every scene. That a filter cannot run on a scene is

@@ -24,12 +24,12 @@ use crate::tune::{
 
 const EXAMPLES: &str = "\
 Examples:
-  tamis tune tamis-3 --scenes shots/train --validate shots/check -o mine.toml
+  tamis tune tamis --scenes shots/train --validate shots/check -o mine.toml
   tamis tune mine.toml --scenes shots/train -o mine.toml --steps 20000 --resume
   tamis denoise frame.exr -o clean.exr --filter mine.toml
 
-A scene is a folder with 4spp.exr and reference.exr; 1spp.exr, 16spp.exr and so on
-beside them are tuned on as well, each of them as often. Tuned are [params], but for
+A scene is a folder with reference.exr and 4spp.exr, or 1spp.exr, 16spp.exr and so on;
+all that there are are tuned on, each of them as often. Tuned are [params], but for
 those that say `tune = false`, and [layers]; constants whose bounds are positive by
 their logarithms.
 
@@ -46,7 +46,8 @@ pub(super) struct Tune {
     #[arg(value_name = "FILTER")]
     filter: String,
 
-    /// Folders with 4spp.exr and reference.exr in or below them, or pairs of files
+    /// Folders with 4spp.exr (or the like) and reference.exr in or below them, or pairs of
+    /// files
     #[arg(long, num_args = 1.., value_name = scenes::VALUE, required = true)]
     scenes: Vec<PathBuf>,
 

@@ -14,6 +14,7 @@ pub struct Code<'a> {
     filter: &'a Filter,
     plan: Plan,
     code: Box<dyn Executable>,
+    strength: f32,
     /// How long planning took.
     pub planning: Duration,
     /// How long compilation took.
@@ -58,12 +59,19 @@ impl<'a> Code<'a> {
             filter: filter.name.clone(),
             source,
         })?;
-        Ok(Self { filter, plan, code, planning, compilation: start.elapsed() })
+        Ok(Self { filter, plan, code, strength: 1.0, planning, compilation: start.elapsed() })
     }
 
     /// The plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
+    }
+
+    /// The same, of whose results so much is taken, between 0 and 1, and the rest of the noisy
+    /// colour.
+    #[must_use]
+    pub fn with_strength(self, strength: f32) -> Self {
+        Self { strength, ..self }
     }
 
     /// Filters a rectangle of a scene.
@@ -76,11 +84,22 @@ impl<'a> Code<'a> {
             filter: self.filter.name.clone(),
             source,
         })?;
-        Ok(filtered.into_iter().next().expect("one result for one filter"))
+        let mut filtered = filtered.into_iter().next().expect("one result for one filter");
+        if self.strength < 1.0 {
+            for (k, pixel) in filtered.pixels.iter_mut().enumerate() {
+                let (x, y) = (rect.x + k % rect.width, rect.y + k / rect.width);
+                for (channel, noisy) in pixel.iter_mut().zip(scene.color()) {
+                    let noisy = noisy.at(x, y);
+                    *channel = noisy + self.strength * (*channel - noisy);
+                }
+            }
+        }
+        Ok(filtered)
     }
 }
 
-/// Filters a scene that was loaded with what the filter needs.
+/// Filters a scene that was loaded with what the filter needs; of the result so much is
+/// taken as `strength` says, between 0 and 1.
 ///
 /// # Errors
 /// If the scene lacks something, the filter cannot be planned, or the back end fails.
@@ -89,10 +108,12 @@ pub fn apply(
     scene: &Scene,
     backend: &dyn Backend,
     passes: Passes,
+    strength: f32,
 ) -> Result<(Image, Applied), DenoiseError> {
     let checked = filter.check().expect("only filters that make sense get here");
     scene.require(&checked.required())?;
     let code = Code::new(filter, (scene.name(), &Facts::of(scene)), backend, passes)?;
+    let code = code.with_strength(strength);
     let start = Instant::now();
     let whole = Rect::whole(scene);
     let Filtered { pixels, kept } = code.run(scene, whole)?;

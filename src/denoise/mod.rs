@@ -44,6 +44,9 @@ pub struct Options {
     pub passes: Passes,
     /// How scenes are loaded.
     pub load: LoadOptions,
+    /// How much of the result is taken, between 0 and 1, and how little of the noisy colour;
+    /// if nothing is said, all.
+    pub strength: Option<f32>,
     /// Memory for a frame, in bytes; if nothing is said, as much as it takes.
     pub max_memory: Option<u64>,
 }
@@ -132,16 +135,16 @@ impl<'a> Denoiser<'a> {
     pub fn filter(&self, frame: Frame) -> Result<Denoised, DenoiseError> {
         let Frame { pixels, chosen } = frame;
         let filter = &chosen.filter;
+        let (passes, strength) = (self.options.passes, self.options.strength.unwrap_or(1.0));
         let (image, applied, notes) = match pixels {
             Pixels::InMemory(scene) => {
-                let (image, applied) = apply(filter, &scene, self.backend, self.options.passes)?;
+                let (image, applied) = apply(filter, &scene, self.backend, passes, strength)?;
                 (image, applied, scene.notes().to_vec())
             }
             Pixels::Spilled(scene) => {
                 let max_memory = self.options.max_memory.unwrap_or(u64::MAX);
-                let passes = self.options.passes;
-                let (image, applied) =
-                    parts::apply(filter, &scene, self.backend, passes, max_memory)?;
+                let how = (passes, strength);
+                let (image, applied) = parts::apply(filter, &scene, self.backend, how, max_memory)?;
                 (image, applied, scene.notes().to_vec())
             }
         };

@@ -17,17 +17,18 @@ use crate::scene::SpilledScene;
 /// Rows of a part at least: each also computes rows around it.
 const SHORTEST: usize = 64;
 
-/// Filters a scene within so many bytes of memory.
+/// Filters a scene within so many bytes of memory, and takes so much of the result.
 pub(super) fn apply(
     filter: &Filter,
     scene: &SpilledScene,
     backend: &dyn Backend,
-    passes: Passes,
+    (passes, strength): (Passes, f32),
     max_memory: u64,
 ) -> Result<(Image, Applied), DenoiseError> {
     let checked = filter.check().expect("only filters that make sense get here");
     scene.require(&checked.required())?;
     let code = Code::new(filter, (scene.name(), scene.facts()), backend, passes)?;
+    let code = code.with_strength(strength);
     let layout = scene.layout();
     let (width, height) = (layout.width(), layout.height());
     let start = Instant::now();

@@ -34,7 +34,7 @@ mod tests {
     fn any_name_becomes_an_identifier() {
         for (name, identifier) in [
             ("bilateral", "bilateral"),
-            ("tamis-1", "tamis_1"),
+            ("tamis-2", "tamis_2"),
             ("2017", "filter_2017"),
             ("", "filter"),
             ("*/ é \n", "filter"),

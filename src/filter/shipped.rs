@@ -1,10 +1,10 @@
 //! The filters that come with the program, and which of them a file can feed.
 //!
-//! The first is a program that reads colour, albedo, normals and depth, and does without
-//! all but colour and albedo. The others are single weights, for other files and for back
+//! The first are programs, which read colour, albedo, normals and depth, and do without all
+//! but the colour. The others are single weights, for other files and for back
 //! ends that run no programs. Some of those were bred and are embedded as files too. They
 //! read colour, direct light, albedo, normals and positions; for files that lack some of
-//! these there are *stand-ins*, the factors of `tamis-1` that read what is left. Every file
+//! these there are *stand-ins*, factors of a bred filter that read what is left. Every file
 //! that has a colour can feed the last of them.
 
 use std::path::Path;
@@ -13,20 +13,17 @@ use super::{Filter, Window};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::{codebook, text};
 
-/// Path in the project, and text: programs, the best first. With everything that it reads,
-/// `tamis-3` has .0481 on `data/train` in the measure of [`STAND_INS`], with colour, albedo
-/// and normals .0488, without normals .0525. Without albedo it could run too, but where a
-/// file has no variances either it hardly filters, so that it asks for one.
-const PROGRAMS: &[(&str, &str)] =
-    &[("data/filters/tamis-3.toml", include_str!("../../data/filters/tamis-3.toml"))];
-
-/// The same: filters that were bred, the best first.
-const FILES: &[(&str, &str)] = &[
-    ("data/filters/tamis-2.toml", include_str!("../../data/filters/tamis-2.toml")),
-    ("data/filters/tamis-1.toml", include_str!("../../data/filters/tamis-1.toml")),
+/// Path in the project, and text: programs, the best first.
+const PROGRAMS: &[(&str, &str)] = &[
+    ("data/filters/tamis.toml", include_str!("../../data/filters/tamis.toml")),
+    ("data/filters/tamis-formula.toml", include_str!("../../data/filters/tamis-formula.toml")),
 ];
 
-// Factors of `tamis-1`. Where there is no albedo, the window must be smaller.
+/// The same: filters that were bred, the best first.
+const FILES: &[(&str, &str)] =
+    &[("data/filters/tamis-2.toml", include_str!("../../data/filters/tamis-2.toml"))];
+
+// Factors of a bred filter. Where there is no albedo, the window must be smaller.
 const ALBEDO: &str = "exp(-pow(distance2(texture, texture), 2) / 0.0458)";
 const NORMAL: &str = "exp(-pow(distance2(normal, normal), 1.22) / 0.605) \
      * exp(-pow(distance2(normal, color), 2.75) / 3400)";
@@ -44,8 +41,8 @@ struct StandIn {
 }
 
 /// The stand-ins by their error on `data/train`, the best first. Geometric means of the
-/// RelMSE over its six scenes at radius 10, beside .0574 for `tamis-2`, .0595 for
-/// `tamis-1` and .448 for the noisy images:
+/// RelMSE over its six scenes at radius 10, beside .0574 for `tamis-2` and
+/// .448 for the noisy images:
 ///
 /// | filter | RelMSE |
 /// |---|---|
@@ -223,8 +220,7 @@ mod tests {
                 },
             )
         };
-        assert_eq!(with(true).filter.name, "tamis-3");
-        assert_eq!(with(false).filter.name, LAST);
+        assert_eq!([with(true), with(false)].map(|choice| choice.filter.name), ["tamis"; 2]);
         assert_eq!(chosen(&[]).filter.name, LAST);
         assert_eq!(chosen(&guides).filter.name, "tamis-2");
         let guides = [Feature::Texture, Feature::Normal, Feature::WorldPosition];

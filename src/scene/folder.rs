@@ -1,4 +1,4 @@
-//! Scenes on disk: folders with `4spp.exr` and `reference.exr`.
+//! Scenes on disk: folders with `reference.exr`, and `4spp.exr` or the like.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::SceneError;
 use crate::image::ImageError;
 
-/// The noisy image of a scene folder.
+/// The noisy image of a scene folder; where there is none, the one of the fewest samples.
 pub const NOISY: &str = "4spp.exr";
 /// The clean one.
 pub const REFERENCE: &str = "reference.exr";
@@ -28,14 +28,18 @@ impl SceneFiles {
     /// The scene in a folder.
     ///
     /// # Errors
-    /// If one of the two files is missing.
+    /// If one of the two files is missing, or the folder cannot be read.
     pub fn in_folder(folder: &Path) -> Result<Self, SceneError> {
-        for missing in [NOISY, REFERENCE] {
-            if !folder.join(missing).is_file() {
-                return Err(SceneError::NotAScene { path: folder.to_owned(), missing });
-            }
+        let missing = |missing| SceneError::NotAScene { path: folder.to_owned(), missing };
+        if !folder.join(REFERENCE).is_file() {
+            return Err(missing(REFERENCE));
         }
-        Ok(Self::of(&folder.join(NOISY), &folder.join(REFERENCE)))
+        let usual = Some(folder.join(NOISY)).filter(|path| path.is_file());
+        let noisy = match usual {
+            Some(path) => Some(path),
+            None => sample_counts(folder)?.into_iter().map(|(_, path)| path).next(),
+        };
+        Ok(Self::of(&noisy.ok_or_else(|| missing(NOISY))?, &folder.join(REFERENCE)))
     }
 
     /// The scene made of any two files, named as [`scene_name`] says.
@@ -44,10 +48,30 @@ impl SceneFiles {
     }
 }
 
+/// How many samples per pixel a file has by its name: 16 for `16spp.exr`.
+pub fn samples_of(noisy: &Path) -> Option<u32> {
+    noisy.file_name()?.to_str()?.strip_suffix("spp.exr")?.parse().ok()
+}
+
+/// The noisy images of a folder, those of fewer samples first.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub fn sample_counts(folder: &Path) -> Result<Vec<(u32, PathBuf)>, SceneError> {
+    let io = |source| ImageError::Io { path: folder.to_owned(), action: "list", source };
+    let mut images = Vec::new();
+    for entry in fs::read_dir(folder).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        images.extend(samples_of(&path).map(|samples| (samples, path)));
+    }
+    images.sort();
+    Ok(images)
+}
+
 /// What reports call the scene whose noisy image this is: the folder's name for
-/// `4spp.exr`, as all scenes have one of these, else the file's.
+/// `4spp.exr` and the like, as all scenes have one of these, else the file's.
 pub fn scene_name(noisy: &Path) -> String {
-    let usual = noisy.file_name().is_some_and(|name| name == NOISY);
+    let usual = samples_of(noisy).is_some();
     // The folder of a relative path may be known to the system alone.
     let absolute = std::path::absolute(noisy).unwrap_or_else(|_| noisy.to_owned());
     let folder = absolute.parent().and_then(Path::file_name);
@@ -120,6 +144,13 @@ mod tests {
         let names: Vec<&str> = found.iter().map(|scene| scene.name.as_str()).collect();
         assert_eq!(names, ["a", "b", "c"]);
 
+        // Another number of samples will do.
+        let at = |file: &str| root.path().join("a").join(file);
+        fs::rename(at(NOISY), at("16spp.exr")).expect("writable");
+        fs::write(at("64spp.exr"), b"").expect("writable");
+        let found = discover(&[root.path()]).expect("three scenes");
+        assert_eq!((found[0].name.as_str(), &found[0].noisy), ("a", &at("16spp.exr")));
+
         fs::remove_file(root.path().join("b").join(REFERENCE)).expect("removable");
         let error = discover(&[root.path()]).unwrap_err().to_string();
         assert!(error.contains("reference.exr"), "{error}");
@@ -136,6 +167,7 @@ mod tests {
     #[test]
     fn a_scene_is_named_by_its_folder_or_its_file() {
         assert_eq!(scene_name(Path::new("/data/kitchen/4spp.exr")), "kitchen");
+        assert_eq!(scene_name(Path::new("/data/kitchen/64spp.exr")), "kitchen");
         assert_eq!(scene_name(Path::new("/data/kitchen/frame7.exr")), "frame7");
     }
 }

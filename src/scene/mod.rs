@@ -46,7 +46,7 @@ use std::path::Path;
 pub use crop::Crop;
 pub use error::SceneError;
 pub use facts::{Fact, Facts};
-pub use folder::{NOISY, REFERENCE, SceneFiles, discover, scene_name};
+pub use folder::{NOISY, REFERENCE, SceneFiles, discover, sample_counts, samples_of, scene_name};
 pub use needs::Needs;
 pub use normalize::{ColorScale, Normalization};
 pub use note::Note;

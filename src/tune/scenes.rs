@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use super::error::Error;
 use super::loss::Reference;
-use crate::image::{Image, ImageError};
-use crate::scene::{LoadOptions, NOISY, Needs, Scene, SceneFiles, load_reference};
+use crate::image::{Image, Metrics};
+use crate::scene::{
+    LoadOptions, Needs, Scene, SceneFiles, load_reference, sample_counts, samples_of,
+};
 
 /// A scene, rendered with more and with fewer samples.
 #[derive(Debug)]
@@ -30,8 +32,8 @@ pub struct Level {
 }
 
 impl TuningScene {
-    /// Loads a scene with what `needs` names, for windows of radius `pad`. Beside `4spp.exr`
-    /// stand further noisy images, if there are any, as `1spp.exr`, `16spp.exr` and so on.
+    /// Loads a scene with what `needs` names, for windows of radius `pad`: all of its noisy
+    /// images, `1spp.exr`, `4spp.exr`, `16spp.exr` and so on.
     ///
     /// # Errors
     /// If a file cannot be read, or the sizes differ.
@@ -43,8 +45,8 @@ impl TuningScene {
             let scene = Scene::load(&path, needs, pad, &LoadOptions::default())?;
             let size = (scene.layout().width(), scene.layout().height());
             if size != image.size() {
-                let noisy = scene.noisy();
-                crate::image::Metrics::of(&noisy, &image)?;
+                // It says so.
+                Metrics::of(&scene.noisy(), &image)?;
             }
             levels.push(Level { samples, scene });
         }
@@ -55,21 +57,11 @@ impl TuningScene {
 
 /// The noisy images of a scene, by sample count.
 fn levels_of(noisy: &Path) -> Result<Vec<(Option<u32>, PathBuf)>, Error> {
-    let usual = noisy.file_name().is_some_and(|name| name == NOISY);
-    let folder = match noisy.parent() {
-        Some(folder) if usual => folder,
-        Some(_) | None => return Ok(vec![(None, noisy.to_owned())]),
-    };
-    let io = |source| ImageError::Io { path: folder.to_owned(), action: "list", source };
-    let mut levels = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(io)? {
-        let path = entry.map_err(io)?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let samples = name.strip_suffix("spp.exr").and_then(|count| count.parse().ok());
-        if let Some(samples) = samples {
-            levels.push((Some(samples), path));
+    match (samples_of(noisy), noisy.parent()) {
+        (Some(_), Some(folder)) => {
+            let images = sample_counts(folder)?.into_iter();
+            Ok(images.map(|(samples, path)| (Some(samples), path)).collect())
         }
+        _ => Ok(vec![(None, noisy.to_owned())]),
     }
-    levels.sort();
-    Ok(levels)
 }

@@ -291,6 +291,7 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
             false => self.state.norms[draw.scene][draw.level],
         };
         let shares = self.settings.loss.shares();
+        let [width, _] = draw.crop.turned();
         let mut lost = [0.0; PARTS];
         let mut loss = |colors: &[[f32; 3]], owed: &mut [[f32; 3]]| {
             let weigh = |norms: [f64; PARTS]| {
@@ -302,10 +303,10 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
             };
             if norms[0].is_nan() {
                 // Of what is seen for the first time, what it is now.
-                lost = parts(colors, unit, &reference, shares, owed);
-                parts(colors, unit, &reference, weigh(lost), owed);
+                lost = parts(colors, width, unit, &reference, shares, owed);
+                parts(colors, width, unit, &reference, weigh(lost), owed);
             } else {
-                lost = parts(colors, unit, &reference, weigh(norms), owed);
+                lost = parts(colors, width, unit, &reference, weigh(norms), owed);
             }
             0.0
         };
@@ -369,8 +370,8 @@ fn trial<B: Backend>(
         let filtered = code.run(noisy, &[Rect::whole(noisy)])?.swap_remove(0);
         let mut owed = vec![[0.0; 3]; filtered.pixels.len()];
         let shares = settings.loss.shares();
-        let parts = parts(&filtered.pixels, 1.0, &scene.reference, shares, &mut owed);
         let (width, height) = scene.image.size();
+        let parts = parts(&filtered.pixels, width, 1.0, &scene.reference, shares, &mut owed);
         let rgb = [0, 1, 2].map(|k| filtered.pixels.iter().map(|pixel| pixel[k]).collect());
         let image = Image::new(&scene.name, width, height, rgb).expect("a colour per pixel");
         let metrics = Metrics::of(&image, &scene.image)?;

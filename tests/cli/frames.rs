@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::place::{CLEAN, Channel, EDGE_AWARE, NOISY, Place, stderr, write_exr};
+use crate::place::{CLEAN, Channel, EDGE_AWARE, NOISY, Place, json, stderr, write_exr};
 
 /// `denoise` with a filter that reads the normals.
 fn denoise<'a>(inputs: &[&'a str], output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
@@ -150,12 +150,12 @@ fn a_frame_without_a_filter_gets_what_it_can_feed() {
         assert!(output.status.success(), "{report}");
         report
     };
-    // The best is a program, which does without everything but colour and albedo.
+    // The best is a program, which does without everything but the colour.
     let report = denoise(&[]);
     for (frame, lacking, what) in [
-        ("a", "no reflected albedo, no depth", "`tamis-3` does without"),
-        ("b", "no albedo", "using `bilateral` instead of `tamis-3`"),
-        ("c", "no reflected albedo", "`tamis-3` does without"),
+        ("a", "no reflected albedo, no depth", "`tamis` does without"),
+        ("b", "no normals, no albedo, no reflected albedo, no depth", "`tamis` does without"),
+        ("c", "no reflected albedo", "`tamis` does without"),
     ] {
         let why = format!("frames/{frame}.exr: {lacking} in the file: {what}");
         assert!(report.lines().any(|line| line == why), "no `{why}` in: {report}");
@@ -182,4 +182,22 @@ fn a_frame_without_a_filter_gets_what_it_can_feed() {
     // Whoever names a filter wants that one.
     let named = ["denoise", frames[0], "-o", "no.exr", "--filter", "tamis-2"];
     place.fails(1, &named, &["frames/a.exr", "the filter reads"]);
+}
+
+#[test]
+fn strength_is_how_much_of_the_result_is_taken() {
+    let place = Place::new();
+    let error = |strength: &str, of: &str| {
+        let more = ["--strength", strength];
+        place.done(&denoise(&["room/4spp.exr"], "out.exr", &more));
+        let measured = json(&place.done(&["compare", "out.exr", of, "--json"]));
+        measured["rel_mse"].as_f64().expect("a number")
+    };
+    assert_eq!(error("0", "room/4spp.exr"), 0.0);
+    let [none, half, all] = ["0", "0.5", "1"].map(|strength| error(strength, "room/4spp.exr"));
+    assert!(none < half && half < all, "{none} {half} {all}");
+    // Half as far is a quarter of the square.
+    assert!((4.0 * half / all - 1.0).abs() < 1e-4, "{half} {all}");
+    let more = ["--strength", "1.5"];
+    place.fails(2, &denoise(&["room/4spp.exr"], "out2.exr", &more), &["--strength", "0 to 1"]);
 }

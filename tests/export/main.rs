@@ -52,7 +52,7 @@ fn known_and_shipped() -> Vec<Filter> {
     let known = codebook::known()
         .iter()
         .map(|known| Filter::single(known.name, known.weight.clone(), Window::DEFAULT_RADIUS));
-    let shipped = ["data/filters/tamis-1.toml", "data/filters/tamis-2.toml"]
+    let shipped = ["data/filters/tamis-2.toml"]
         .map(|path| Filter::read(Path::new(path)).expect("it is shipped"));
     known.chain(shipped).collect()
 }

@@ -358,7 +358,7 @@ mod tests {
     fn filters() -> Vec<Tree> {
         let named = codebook::known().iter().map(|known| known.weight.clone());
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let shipped = ["data/filters/tamis-1.toml", "data/filters/tamis-2.toml"];
+        let shipped = ["data/filters/tamis-2.toml"];
         let shipped = shipped.map(|file| Filter::read(&root.join(file)).expect("it ships"));
         let shipped = shipped.map(|filter| filter.paper().expect("one gather").weight.clone());
         let bred = include_str!("../../../tests/fixture/bred.txt").lines();

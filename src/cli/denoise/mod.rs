@@ -67,12 +67,24 @@ pub(super) struct Denoise {
     #[arg(long, short, value_name = "NAME|FILE|EXPRESSION", allow_hyphen_values = true)]
     filter: Option<String>,
 
+    /// How much of the result is taken, from 0 to 1; the rest is the noisy image
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = strength)]
+    strength: f32,
+
     #[command(flatten)]
     running: Running,
 
     /// Say what each step took
     #[arg(long)]
     timings: bool,
+}
+
+/// Reads a share.
+fn strength(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        Ok(_) | Err(_) => Err("it must be a number from 0 to 1".to_owned()),
+    }
 }
 
 impl Denoise {
@@ -88,6 +100,7 @@ impl Denoise {
             radius,
             passes: self.running.passes(),
             load: self.running.load_options(),
+            strength: Some(self.strength),
             max_memory: Some(self.running.backend.memory_for_scenes() / flying),
         };
         let job = Job { denoiser: Denoiser::new(&*backend, options), form: files.form() };
