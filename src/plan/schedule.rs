@@ -141,6 +141,8 @@ pub(super) struct Scheduler<'a> {
     /// By stage and component, the variance last; hidden stages behind the filter's own.
     pub(super) known: BTreeMap<StagePlane, Component>,
     hidden: u16,
+    /// The last plane of which nothing is known, and its grid.
+    unknown: Option<(Grid, StagePlane)>,
     /// Of the stage at hand.
     pub(super) grid: Grid,
     /// By stage, hidden ones among them.
@@ -197,6 +199,7 @@ impl<'a> Scheduler<'a> {
             kernels: Vec::new(),
             known: BTreeMap::new(),
             hidden,
+            unknown: None,
             grid: Grid::Full,
             grids: BTreeMap::new(),
             resampled: Vec::new(),
@@ -386,7 +389,7 @@ impl<'a> Scheduler<'a> {
 
     /// The number of a stage that the filter does not name.
     pub(super) fn hidden_stage(&mut self) -> u16 {
-        self.hidden += 1;
+        self.hidden = self.hidden.checked_add(1).expect("fewer hidden stages than numbers");
         self.grids.insert(self.hidden - 1, self.grid);
         self.hidden - 1
     }
@@ -523,7 +526,14 @@ impl<'a> Scheduler<'a> {
 
     /// A plane on the grid of the stage at hand of which nothing is known.
     pub(super) fn unknown(&mut self) -> StagePlane {
-        let plane = StagePlane { stage: self.hidden_stage(), component: 0 };
+        // Gradients have thousands: they share the numbers of stages.
+        let next =
+            self.unknown.filter(|(grid, last)| *grid == self.grid && last.component < u16::MAX);
+        let plane = match next {
+            Some((_, last)) => StagePlane { component: last.component + 1, ..last },
+            None => StagePlane { stage: self.hidden_stage(), component: 0 },
+        };
+        self.unknown = Some((self.grid, plane));
         self.known.insert(plane, Component { range: Interval::ENTIRE, constant: false });
         plane
     }

@@ -226,7 +226,7 @@ fn named_and_shipped_filters() {
         .enumerate()
         .map(|(k, (weight, window))| numbered(k, &weight, window))
         .collect();
-    assert_eq!(filters.len(), 18);
+    assert_eq!(filters.len(), 15);
     agree(&filters, &scenes());
 }
 
