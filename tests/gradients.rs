@@ -248,15 +248,17 @@ fn passes_change_gradients_by_no_more_than_rounding() {
 /// Every stage and every place beside a pixel takes planes of its own.
 #[test]
 fn a_program_of_hundreds_of_stages_has_a_gradient() {
-    let mut text = String::from("version = 2\nname = \"long\"\n[params]\nk = 0.01\n");
+    let mut text = String::from("version = 2\nname = \"long\"\n[params]\nk = 0.1\n");
     for stage in 0..400 {
         let last = if stage == 0 { "color".to_owned() } else { format!("s{}", stage - 1) };
         text += &format!("[[stage]]\nname = \"s{stage}\"\n");
         text += &match stage % 10 {
             0 => format!(
-                "gather = \"{last}\"\nweight = \"exp(-k * distance2({last}, {last}))\"\nradius = 1\n"
+                "gather = \"{last}\"\nweight = \"exp(-0.1 * k * distance2({last}, {last}))\"\nradius = 1\n"
             ),
-            _ => format!("map = \"(1 - k) * {last} + k * ({last}[1, 0] + {last}[0, -1]) / 2\"\n"),
+            _ => format!(
+                "map = \"(1 - 0.1 * k) * {last} + 0.1 * k * ({last}[1, 0] + {last}[0, -1]) / 2\"\n"
+            ),
         };
     }
     let (filter, scene) = (parse(&text), fixture::scene(7, 5, 4));
