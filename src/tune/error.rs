@@ -27,7 +27,7 @@ pub enum Error {
          them in its formulas"
     )]
     NoConstants(String),
-    /// A filter of the paper's has no named constants.
+    /// No scene was given.
     #[error("no scene to tune on")]
     NoScenes,
     /// A scene cannot be read.

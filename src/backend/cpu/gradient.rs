@@ -10,11 +10,11 @@ use std::ops::Range;
 use super::band::Band;
 use super::program::{Engine, ProgramCode, Scratch, Strip};
 use super::rows::Products;
-use crate::backend::{BackendError, Differentiable, Loss, Rect, Workspace, holds};
+use crate::backend::{BackendError, Differentiable, Loss, Rect, Workspace};
 use crate::expr::symbol::StagePlane;
 use crate::plan::{Factor, Gradient, Kernel, Output, Total};
+use crate::scene::Scene;
 use crate::scene::plane::Layout;
-use crate::scene::{ColorScale, Scene};
 
 /// A program and its adjoint in executable form.
 pub(super) struct GradientCode<E: Engine> {
@@ -49,14 +49,8 @@ where
         derivatives: &mut [f64],
     ) -> Result<f64, BackendError> {
         let (code, program) = (&self.code, &self.code.program);
-        holds(&program.facts, scene)?;
-        if scene.normalization().color_scale != ColorScale::Linear {
-            return Err(BackendError::ColorScale);
-        }
+        code.accepts(scene)?;
         let layout = scene.layout();
-        if program.reach > layout.pad() {
-            return Err(BackendError::Padding { reach: program.reach, pad: layout.pad() });
-        }
         let (width, height) = (layout.width(), layout.height());
         let bands = match workspace.0.take().and_then(|planes| planes.downcast::<Planes>().ok()) {
             Some(planes)

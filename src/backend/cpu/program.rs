@@ -216,6 +216,19 @@ impl<E: Engine> ProgramCode<E> {
         Ok(code)
     }
 
+    /// Checks that a scene is what the program was made for.
+    pub(super) fn accepts(&self, scene: &Scene) -> Result<(), BackendError> {
+        holds(&self.program.facts, scene)?;
+        if scene.normalization().color_scale != ColorScale::Linear {
+            return Err(BackendError::ColorScale);
+        }
+        let (reach, pad) = (self.program.reach, scene.layout().pad());
+        if reach > pad {
+            return Err(BackendError::Padding { reach, pad });
+        }
+        Ok(())
+    }
+
     /// What kernels compute before their first pixels, with these values of the constants.
     pub(super) fn values(&self, constants: &[f32]) -> Vec<Vec<f32>> {
         let values = self.tables.iter().map(|table| match table {
@@ -321,15 +334,8 @@ where
     E::Gather: Send + Sync,
 {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
-        holds(&self.program.facts, scene)?;
+        self.accepts(scene)?;
         inside(scene, region)?;
-        if scene.normalization().color_scale != ColorScale::Linear {
-            return Err(BackendError::ColorScale);
-        }
-        let pad = scene.layout().pad();
-        if self.program.reach > pad {
-            return Err(BackendError::Padding { reach: self.program.reach, pad });
-        }
         let threads = rayon::current_num_threads();
         let strips = region.iter().filter(|rect| rect.width > 0).flat_map(|&rect| {
             let height = rect.height.div_ceil(threads).max(SHORTEST);
