@@ -3,6 +3,7 @@
 
     standing.py errors TAMIS --filters F... --scenes FOLDER... [--oidn OIDNDENOISE]
     standing.py cleaner TAMIS --filters F... --scenes FOLDER... [--oidn OIDNDENOISE]
+    standing.py pictures TAMIS --filters F... --scenes FOLDER... [--oidn OIDNDENOISE] --out FOLDER
 
 `errors` filters the scene in every FOLDER (4spp.exr, reference.exr) as it is, with colour,
 albedo and normal alone, and with colour alone, and prints geometric means over the scenes of
@@ -10,13 +11,17 @@ RelMSE / RelMSE without the worst 0.1% of the pixels / FLIP, as a Markdown table
 
 `cleaner` filters images of more and more samples: every Nspp.exr in the folders, and the one
 of most samples with its colour's noise scaled to 256 and 1,024. It prints by how much errors
-grow or shrink: the geometric mean and the worst of error after / error before.
+grow or shrink: the geometric mean and the worst of error after / error before. Three kinds of
+file are told apart: with variances, without, and without but with `--samples` for `tamis`.
+Noise scaled to nothing is the reference itself; its rows have errors, not quotients.
+
+`pictures` writes a PNG per scene: noisy, filtered by each, reference, side by side.
 
 RelMSE is the mean over pixels and channels of (x - r)^2 / (r^2 + 0.01). For FLIP (67 pixels per
 degree) both images are exposed so that the reference's mean luminance is 0.6, put through
 y / (1 + y), and laid out by the sRGB curve.
 
-Needs flip-evaluator, numpy and OpenEXR from PyPI.
+Needs flip-evaluator, numpy, OpenEXR and, for pictures, pillow from PyPI.
 """
 
 import argparse
@@ -82,13 +87,14 @@ class Contest:
         if self.oidn:
             self.names += [f"OIDN {quality}" for quality in arguments.qualities]
 
-    def apply(self, name, channels):
+    def apply(self, name, channels, *options):
         with tempfile.TemporaryDirectory() as work:
             if name.startswith("OIDN "):
                 return self.denoise(Path(work), name.split()[1], channels)
             noisy, result = Path(work) / "noisy.exr", Path(work) / "result.exr"
             write(noisy, channels)
             command = [self.tamis, "--quiet", "denoise", noisy, "-o", result, "--filter", name]
+            command += [str(option) for option in options]
             subprocess.run(command, check=True, capture_output=True)
             return colour(read(result))
 
@@ -151,16 +157,20 @@ def standing(contest, folders):
         row([name, *cells])
 
 
+NOISELESS = 0
+
+
 def levels(folder):
-    """The noisy images of a scene by their number of samples, two of them of scaled noise."""
+    """The noisy images of a scene by their number of samples, some of them of scaled noise."""
     files = {int(re.match(r"\d+", f.name)[0]): f for f in folder.glob("*spp.exr")}
     images = {samples: read(file) for samples, file in sorted(files.items())}
     most, reference = max(images), colour(read(folder / "reference.exr"))
-    for samples in (256, 1024):
-        share = (most / samples) ** 0.5
+    for samples in (256, 1024, NOISELESS):
+        share = (most / samples) ** 0.5 if samples != NOISELESS else 0.0
         scaled = dict(images[most])
         for k, c in enumerate("RGB"):
-            scaled[c] = reference[..., k] + share * (scaled[c] - reference[..., k])
+            truth = numpy.ascontiguousarray(reference[..., k])
+            scaled[c] = truth + share * (scaled[c] - truth)
             if "Variance." + c in scaled:
                 scaled["Variance." + c] = scaled["Variance." + c] * share**2
         images[samples] = scaled
@@ -168,37 +178,64 @@ def levels(folder):
 
 
 def cleaner(contest, folders):
-    row(["error after / before: mean (worst)", "samples", "scenes", "RelMSE", "FLIP"])
-    row(["---", "---:", "---:", "---:", "---:"])
+    row(["error after / before: mean (worst)", "file", "samples", "scenes", "RelMSE", "FLIP"])
+    row(["---", "---", "---:", "---:", "---:", "---:"])
     ratios = {}
     for folder in folders:
         images, reference = levels(folder)
         for samples, channels in images.items():
             before = errors(colour(channels), reference)
+            bare = {name: c for name, c in channels.items() if "Variance" not in name}
+            known = samples if samples != NOISELESS else 65536
             for name in contest.names:
-                after = errors(contest.apply(name, channels), reference)
-                ratio = [(after[k] + 1e-12) / (before[k] + 1e-12) for k in (0, 2)]
-                ratios.setdefault((name, samples), []).append(ratio)
-    for (name, samples), table in sorted(ratios.items(), key=lambda item: (item[0][0], item[0][1])):
+                files = [("with variances", channels, [])]
+                if not name.startswith("OIDN"):
+                    files += [("without", bare, []), ("without, samples known", bare, ["--samples", known])]
+                for file, given, options in files:
+                    after = errors(contest.apply(name, given, *options), reference)
+                    pairs = [(after[k], before[k]) for k in (0, 2)]
+                    ratio = [a if samples == NOISELESS else (a + 1e-12) / (b + 1e-12) for a, b in pairs]
+                    ratios.setdefault((name, file, samples or float("inf")), []).append(ratio)
+    for (name, file, samples), table in sorted(ratios.items()):
         means, worst = mean(table), numpy.max(table, axis=0)
-        cells = [f"{means[k]:.3f} ({worst[k]:.3f})" for k in range(2)]
-        row([name, str(samples), str(len(table)), *cells])
+        digits = (lambda x: f"{x:.1e}") if samples == float("inf") else (lambda x: f"{x:.3f}")
+        cells = [f"{digits(means[k])} ({digits(worst[k])})" for k in range(2)]
+        row([name, file, f"{samples:.0f}", str(len(table)), *cells])
+
+
+def pictures(contest, folders, out):
+    from PIL import Image
+
+    out.mkdir(parents=True, exist_ok=True)
+    for folder in folders:
+        channels, reference = read(folder / "4spp.exr"), colour(read(folder / "reference.exr"))
+        images = [colour(channels), *(contest.apply(name, channels) for name in contest.names), reference]
+        strip = numpy.concatenate([picture(image, reference) for image in images], axis=1)
+        Image.fromarray((255 * strip + 0.5).astype(numpy.uint8)).save(out / f"{folder.name}.png")
+        print(out / f"{folder.name}.png", flush=True)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["errors", "cleaner"])
+    parser.add_argument("what", choices=["errors", "cleaner", "pictures"])
     parser.add_argument("tamis", help="the program")
     parser.add_argument("--filters", nargs="+", required=True, help="names or files")
     parser.add_argument("--scenes", nargs="+", type=Path, required=True, help="folders, or folders of such")
     parser.add_argument("--oidn", help="the program oidnDenoise")
     parser.add_argument("--qualities", nargs="+", default=["fast", "balanced", "high"], help="of Open Image Denoise")
+    parser.add_argument("--out", type=Path, help="where pictures go")
     arguments = parser.parse_args()
     below = [glob.glob(f"{given}/**/reference.exr", recursive=True) for given in arguments.scenes]
     folders = sorted({Path(file).parent for files in below for file in files})
     if not folders:
         parser.error("no folder with reference.exr below --scenes")
-    {"errors": standing, "cleaner": cleaner}[arguments.what](Contest(arguments), folders)
+    contest = Contest(arguments)
+    if arguments.what == "pictures":
+        if not arguments.out:
+            parser.error("pictures need --out")
+        pictures(contest, folders, arguments.out)
+    else:
+        {"errors": standing, "cleaner": cleaner}[arguments.what](contest, folders)
 
 
 main()

@@ -127,7 +127,7 @@ fn what_copies_its_input_errs_as_the_noisy_image_does() {
     let figures = bench.figures();
     let entries = figures["entries"].as_array().expect("a list");
     let copies = || entries.iter().filter(|entry| entry["run_by"] == "oidn");
-    assert_eq!((entries.len(), copies().count()), (4, 2));
+    assert_eq!((entries.len(), copies().count()), (6, 4));
     for copy in copies() {
         assert_eq!(copy["rel_mse"], figures["scenes"][0]["noisy"]["rel_mse"]);
         assert!(copy["radius"].is_null() && copy["difference_from_f64"].is_null());
@@ -150,10 +150,10 @@ fn who_fails_does_not_stop_the_others() {
     assert!(remarks.contains(text(&fails)) && remarks.contains("out of luck"), "{remarks}");
     assert!(remarks.contains("C, cc"), "{remarks}");
     let with_dash = rows(&table).iter().filter(|row| row.ends_with(" -")).count();
-    assert_eq!((rows(&table).len(), with_dash), (6, 4), "{table}");
+    assert_eq!((rows(&table).len(), with_dash), (8, 6), "{table}");
     let entries = bench.figures()["entries"].take();
     let failed = entries.as_array().expect("a list").iter().filter(|e| !e["failure"].is_null());
-    assert_eq!(failed.count(), 4);
+    assert_eq!(failed.count(), 6);
 }
 
 /// Exported C in the same table: its results are the interpreter's.

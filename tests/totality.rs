@@ -72,7 +72,7 @@ fn facts(rng: &mut impl Rng) -> BTreeMap<PlaneId, Fact> {
         (
             plane,
             match rng.random_range(0..3) {
-                _ if plane.feature == Feature::Pixel => Fact::Range(Interval::new(0.0, 4096.0)),
+                _ if !plane.feature.is_stored() => Fact::Range(Interval::new(0.0, 4096.0)),
                 0 => Fact::Constant(a),
                 1 => Fact::Range(Interval::new(a.min(b), a.max(b))),
                 _ => Fact::Range(Interval::new(least, LIMIT)),
@@ -336,7 +336,7 @@ fn scenes(rng: &mut ChaCha8Rng) -> Vec<Scene> {
     let with = |sample: &mut dyn FnMut(usize) -> f32| {
         let mut image = || (0..width * height).map(&mut *sample).collect::<Vec<f32>>();
         let mut raw = RawScene::new("extreme", width, height, [0; 3].map(|_| image()));
-        for feature in Feature::ALL.into_iter().filter(|&feature| feature != Feature::Pixel) {
+        for feature in Feature::ALL.into_iter().filter(|feature| feature.is_stored()) {
             if feature != Feature::Color {
                 let values = (0..feature.width()).map(|_| image()).collect();
                 raw = raw.with(feature, Quantity::Value, values);

@@ -4,6 +4,9 @@
 use std::error::Error as _;
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
 
 use super::error::Error;
 
@@ -26,9 +29,16 @@ impl Log {
         }
     }
 
-    /// Whether a line that redraws itself makes sense.
-    pub(super) fn live(self) -> bool {
-        !self.quiet && io::stderr().is_terminal()
+    /// A line that redraws itself, for so much work, where one makes sense.
+    pub(super) fn bar(self, length: u64) -> Option<ProgressBar> {
+        (!self.quiet && io::stderr().is_terminal()).then(|| {
+            let bar = ProgressBar::new(length);
+            let style = ProgressStyle::with_template("{wide_bar:.cyan/238} {msg}")
+                .expect("the template is well-formed");
+            bar.set_style(style.progress_chars("━╸─"));
+            bar.enable_steady_tick(Duration::from_millis(200));
+            bar
+        })
     }
 
     /// Writes an error with its causes, as far as it does not name them itself.

@@ -24,6 +24,7 @@ mod filters;
 mod gpus;
 mod host;
 mod inspect;
+mod interrupt;
 mod language;
 mod log;
 mod measure;

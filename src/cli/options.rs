@@ -36,6 +36,10 @@ pub(super) struct Running {
     /// What becomes of pixels that are NaN, infinite or beyond ±1e18
     #[arg(long, value_enum, value_name = "HOW", default_value_t = RepairChoice::Median)]
     repair: RepairChoice,
+
+    /// Samples per pixel, for filters that ask [default: what the file says, if it does]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    samples: Option<u32>,
 }
 
 impl Running {
@@ -53,6 +57,6 @@ impl Running {
             RepairChoice::None => Repair::None,
             RepairChoice::Error => Repair::Error,
         };
-        LoadOptions { repair, ..LoadOptions::default() }
+        LoadOptions { repair, samples: self.samples, ..LoadOptions::default() }
     }
 }

@@ -1,17 +1,15 @@
 //! `tamis tune`: the constants of a program, from scenes to a filter file.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::backend::{LanesArgs, Processor};
 use super::error::Error;
 use super::log::Log;
-use super::{resolve, scenes};
+use super::{interrupt, resolve, scenes};
 use crate::backend::{Backend, Differentiator, Interpreter};
 use crate::filter::Filter;
 use crate::image::write_atomically;
@@ -281,16 +279,8 @@ impl Tune {
         tuner: &mut Tuner<'_, B>,
         log: Log,
     ) -> Result<Outcome, Error> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let raised = Arc::clone(&stop);
-        ctrlc::set_handler(move || {
-            if raised.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-            log.say("\nstopping after this step (Ctrl-C again to quit at once)");
-        })?;
         let control = Control {
-            stop,
+            stop: interrupt::flag(log, "stopping after this step")?,
             time_limit: self.max_time.map(|seconds| Duration::from_secs(seconds.into())),
             checkpoints: Some(Checkpoints {
                 path: self.beside("json"),
@@ -332,13 +322,7 @@ struct Progress {
 
 impl Progress {
     fn new(log: Log, steps: u32) -> Self {
-        let bar = log.live().then(|| {
-            let bar = ProgressBar::new(steps.into());
-            let style = ProgressStyle::with_template("{wide_bar:.cyan/238} {msg}")
-                .expect("the template is well-formed");
-            bar.set_style(style.progress_chars("━╸─"));
-            bar
-        });
+        let bar = log.bar(steps.into());
         Self { log, bar, started: Instant::now(), first: None, row: String::new() }
     }
 

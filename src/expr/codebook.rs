@@ -10,6 +10,7 @@
 //! their sub-expressions are those of their arguments; the Gaussian is not, and
 //! is there in all its parts.
 
+use super::grammar::PAPER_FEATURES;
 use std::collections::HashSet;
 use std::sync::LazyLock;
 
@@ -123,7 +124,7 @@ pub fn codebook() -> &'static [Tree] {
 fn wholes() -> impl Iterator<Item = Tree> {
     const KERNELS: [Op; 5] = [Op::Mitchell, Op::Sinc, Op::Epanechnikov, Op::Biweight, Op::Tricube];
     let kernels = KERNELS.into_iter().flat_map(|kernel| {
-        Feature::ALL.into_iter().map(move |feature| {
+        PAPER_FEATURES.iter().map(move |&feature| {
             let in_pixels = feature == Feature::Pixel;
             let unit = if in_pixels { format!(" / {REACH}") } else { String::new() };
             parsed(&format!("{}({}{unit})", kernel.name(), distance(feature)))

@@ -204,6 +204,52 @@ features! {
         title: "pixel coordinates",
         doc: "the pixel's coordinates, in pixels",
     }
+    /// Whether the colour's variance was measured: the same for all pixels of an image.
+    Measured {
+        name: "measured",
+        term: None,
+        gradient: None,
+        variance: None,
+        channels: &[],
+        variance_channels: &[],
+        width: 1,
+        unit: Unit::Own,
+        signed: false,
+        bounds: None,
+        title: "whether variances were measured",
+        doc: "1 where the file holds the colour's variance, 0 where it is estimated from the image",
+    }
+    /// Samples per pixel: the same for all pixels of an image.
+    Samples {
+        name: "samples",
+        term: None,
+        gradient: None,
+        variance: None,
+        channels: &[],
+        variance_channels: &[],
+        width: 1,
+        unit: Unit::Own,
+        signed: false,
+        bounds: None,
+        title: "samples per pixel",
+        doc: "samples per pixel, at most 65536; 0 where nobody says how many",
+    }
+    /// How noisy the image is as a whole: the same for all of its pixels.
+    Grain {
+        name: "grain",
+        term: None,
+        gradient: None,
+        variance: None,
+        channels: &[],
+        variance_channels: &[],
+        width: 2,
+        unit: Unit::Own,
+        signed: false,
+        bounds: None,
+        title: "grain",
+        doc: "lower quartile and median, over squares of 16 pixels, of the colour's estimated \
+              relative variance; 0 where the file holds the colour's variance",
+    }
 }
 
 impl Feature {
@@ -215,6 +261,11 @@ impl Feature {
     /// Number of components.
     pub fn width(self) -> usize {
         self.row().width
+    }
+
+    /// Whether files hold it. What they do not hold, every scene has.
+    pub fn is_stored(self) -> bool {
+        !self.row().channels.is_empty()
     }
 
     /// The spelling of one of its quantities, if expressions can name it.

@@ -163,7 +163,7 @@ impl Filter {
         for &(feature, stand_in) in &self.absent {
             let why = match stand_in {
                 _ if feature == Feature::Color => Some("every file has a colour"),
-                _ if feature == Feature::Pixel => Some("every pixel has its coordinates"),
+                _ if !feature.is_stored() => Some("every scene has it"),
                 StandIn::Constant(x) if x.abs() <= LIMIT => None,
                 StandIn::Constant(_) => Some("the number is out of range"),
                 StandIn::Feature(Feature::Color) if feature.width() == Feature::Color.width() => {

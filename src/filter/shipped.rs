@@ -13,9 +13,10 @@ use super::{Filter, Window};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::expr::{codebook, text};
 
-/// Path in the project, and text: programs, the best first.
+/// Path in the project, and text: programs, the default first.
 const PROGRAMS: &[(&str, &str)] = &[
     ("data/filters/tamis.toml", include_str!("../../data/filters/tamis.toml")),
+    ("data/filters/tamis-fast.toml", include_str!("../../data/filters/tamis-fast.toml")),
     ("data/filters/tamis-formula.toml", include_str!("../../data/filters/tamis-formula.toml")),
 ];
 
@@ -146,7 +147,7 @@ mod tests {
         choose(
             |filter| filter.paper().is_some(),
             |plane| {
-                let given = [Feature::Pixel, Feature::Color].contains(&plane.feature);
+                let given = !plane.feature.is_stored() || plane.feature == Feature::Color;
                 given || features.contains(&plane.feature)
             },
         )
@@ -215,8 +216,9 @@ mod tests {
         let with = |albedo: bool| {
             choose(
                 |_| true,
-                |plane| {
-                    plane.feature == Feature::Color || (albedo && plane.feature == Feature::Texture)
+                |plane| match plane.feature {
+                    Feature::Texture => albedo,
+                    feature => feature == Feature::Color || !feature.is_stored(),
                 },
             )
         };

@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::Scene;
+use super::derive::grain;
 use super::facts::{Fact, Facts};
 use super::plane::{Edge, Layout, Plane, Samples};
-use crate::expr::feature::{Feature, Quantity};
+use super::prepare::{MOST_SAMPLES, estimated_variance};
+use crate::expr::feature::{Feature, PlaneId, Quantity};
 
 /// A part of an image, and how it is turned.
 ///
@@ -124,7 +126,7 @@ impl Scene {
             reference.iter().enumerate().map(pixel).collect()
         };
         let exposure = self.normalization.exposure;
-        let plane = |(&id, plane): (&crate::expr::PlaneId, &Plane)| {
+        let plane = |(&id, plane): (&PlaneId, &Plane)| {
             let changed = match (id.feature, id.quantity, plane) {
                 (Feature::Color, Quantity::Value, Plane::Samples(samples)) => {
                     let pixels = nearer(samples, id.component.into(), exposure);
@@ -147,6 +149,54 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// The same scene as if its file held no variances: those that it has planes of are
+    /// estimated from the image, as far as it has the values.
+    #[must_use]
+    pub fn without_variances(&self) -> Self {
+        let width = self.layout.width();
+        let values = |feature| -> Option<Vec<Vec<f32>>> {
+            let component = |id| match self.planes.get(&id)? {
+                Plane::Constant(value) => Some(vec![*value; self.layout.pixels()]),
+                Plane::Samples(samples) => {
+                    let rows = 0..self.layout.height();
+                    Some(rows.flat_map(|y| samples.pixels(y)).copied().collect())
+                }
+            };
+            PlaneId::of(feature, Quantity::Value).map(component).collect()
+        };
+        let grain = values(Feature::Color).map(|color| grain(&color, width)).unwrap_or_default();
+        let plane = |(&id, plane): (&PlaneId, &Plane)| {
+            let changed = match (id.feature, id.quantity) {
+                (Feature::Measured, _) => Plane::Constant(0.0),
+                (Feature::Grain, _) => Plane::Constant(grain[usize::from(id.component)]),
+                (feature, Quantity::Variance) => match values(feature) {
+                    Some(values) => Plane::new(self.layout, &estimated_variance(&values, width)),
+                    None => plane.clone(),
+                },
+                _ => plane.clone(),
+            };
+            (id, changed)
+        };
+        let planes: BTreeMap<_, _> = self.planes.iter().map(plane).collect();
+        let facts = Facts::from_planes(planes.iter().map(|(&id, plane)| (id, Fact::of(plane))));
+        Self { planes, facts, ..self.clone() }
+    }
+
+    /// The same scene as if it were known how many samples each pixel is the mean of.
+    #[must_use]
+    pub fn with_samples(mut self, samples: u32) -> Self {
+        for id in PlaneId::of(Feature::Samples, Quantity::Value) {
+            if let Some(plane) = self.planes.get_mut(&id) {
+                *plane = Plane::Constant(samples.min(MOST_SAMPLES) as f32);
+            }
+        }
+        let planes = self.planes.iter();
+        self.facts = Facts::from_planes(planes.map(|(&id, plane)| (id, Fact::of(plane))));
+        self
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -164,5 +214,39 @@ mod tests {
         let turned = Crop { transposed: true, flipped: [true, false], ..crop };
         assert_eq!(pixels(turned), [3, 7, 2, 6, 1, 5]);
         assert_eq!(turned.turned(), [2, 3]);
+    }
+
+    #[test]
+    fn without_variances_a_scene_is_that_of_a_file_without_them() {
+        use crate::scene::{LoadOptions, Needs, RawScene};
+        let (width, height) = (7, 5);
+        let image = |seed: usize| -> Vec<f32> {
+            (0..width * height).map(|k| ((k * 13 + seed * 7) % 17) as f32 / 8.0).collect()
+        };
+        let mut raw = RawScene::new("made", width, height, [1, 2, 3].map(image))
+            .with(Feature::Normal, Quantity::Value, vec![image(4), image(5), vec![0.25; 35]])
+            .with(Feature::Normal, Quantity::Variance, vec![image(6)])
+            .with(Feature::Color, Quantity::Variance, vec![image(7)]);
+        let prepared = |raw: &RawScene, samples| {
+            let options = LoadOptions { samples, ..LoadOptions::default() };
+            raw.clone().prepare(&Needs::everything(), 2, &options).expect("a sound scene")
+        };
+        let (measured, told) = (prepared(&raw, None), prepared(&raw, Some(9)));
+        raw.features.retain(|&(_, quantity), _| quantity != Quantity::Variance);
+        let estimated = prepared(&raw, None);
+        let planes = |scene: &Scene| -> Vec<(PlaneId, Plane)> {
+            scene.planes().map(|(id, plane)| (id, plane.clone())).collect()
+        };
+        assert_ne!(planes(&measured), planes(&estimated));
+        assert_eq!(planes(&measured.without_variances()), planes(&estimated));
+        assert_eq!(measured.without_variances().facts, estimated.facts);
+        assert_eq!(planes(&measured.clone().with_samples(9)), planes(&told));
+        let fact = |scene: &Scene, feature| {
+            scene.fact(PlaneId { feature, quantity: Quantity::Value, component: 0 })
+        };
+        assert_eq!(fact(&measured, Feature::Measured), Fact::Constant(1.0));
+        assert_eq!(fact(&estimated, Feature::Measured), Fact::Constant(0.0));
+        assert_eq!(fact(&measured, Feature::Samples), Fact::Constant(0.0));
+        assert_eq!(fact(&told, Feature::Samples), Fact::Constant(9.0));
     }
 }

@@ -71,6 +71,41 @@ pub fn estimate_variance(components: &[Vec<f32>], width: usize) -> Vec<f32> {
     out.into_iter().map(|variance| variance as f32).collect()
 }
 
+/// Columns and rows of a square whose noise is told apart from that of others.
+const SQUARE: usize = 16;
+
+/// What is added to a square's mean colour, in units of the exposure, so that the noise of
+/// what is black is not infinitely large.
+const BLACK: f64 = 0.02;
+
+/// How noisy an image is as a whole, from its colour (in units of the exposure) alone: the
+/// mean of [`estimate_variance`] over a square of 16x16 pixels, relative to the square of its
+/// mean colour; the lower quartile and the median over all squares that vary at all. Texture
+/// and outlines count as noise in some squares, noise in all of them.
+pub fn grain(color: &[Vec<f32>], width: usize) -> [f32; 2] {
+    let variance = estimate_variance(color, width);
+    let height = variance.len() / width;
+    let mut squares = Vec::new();
+    for top in (0..height).step_by(SQUARE) {
+        for left in (0..width).step_by(SQUARE) {
+            let rows = top..(top + SQUARE).min(height);
+            let columns = left..(left + SQUARE).min(width);
+            let count = (rows.len() * columns.len()) as f64;
+            let mean = |samples: &[f32]| {
+                let row = |y: usize| &samples[y * width..][columns.clone()];
+                rows.clone().flat_map(row).map(|&x| f64::from(x)).sum::<f64>() / count
+            };
+            let level = color.iter().map(|channel| mean(channel)).sum::<f64>() / color.len() as f64;
+            let noise = mean(&variance) / (level.max(0.0) + BLACK).powi(2);
+            if noise > 0.0 {
+                squares.push(noise.min(1e6) as f32);
+            }
+        }
+    }
+    squares.sort_unstable_by(f32::total_cmp);
+    [1, 2].map(|quarters| squares.get(squares.len() * quarters / 4).copied().unwrap_or(0.0))
+}
+
 /// Mean square of nine samples about their least-squares plane.
 fn plane_residual(v: [[f64; 3]; 3]) -> f64 {
     let sum = |f: fn(f64) -> f64| v.iter().flatten().map(|&x| f(x)).sum::<f64>();
@@ -114,6 +149,32 @@ mod tests {
         assert_eq!(gradient(&[1.0, 2.0, 4.0], 3), [1.0, 1.5, 2.0]);
         assert_eq!(gradient(&[1.0, 2.0, 4.0], 1), [1.0, 1.5, 2.0]);
         assert_eq!(gradient(&[1e18, -1e18], 2), [2e18, 2e18]);
+    }
+
+    #[test]
+    fn grain_is_noise_that_is_everywhere() {
+        let (width, height) = (64, 48);
+        let image = |f: &dyn Fn(usize, usize) -> f32| -> Vec<f32> {
+            (0..width * height).map(|k| f(k % width, k / width)).collect()
+        };
+        // Uniform noise of a tenth of the colour has a relative variance of 1/300.
+        let noise = |x: usize, y: usize| {
+            let h = (x * 7919 + y * 104_729 + 13).wrapping_mul(0x9e37_79b9_7f4a_7c15u64 as usize);
+            (h >> 40) as f32 / (1u64 << 24) as f32 - 0.5
+        };
+        let noisy = image(&|x, y| 2.0 * (1.0 + 0.2 * noise(x, y)));
+        let [quartile, median] = grain(&[noisy], width);
+        assert!(
+            quartile <= median && (0.5..1.5).contains(&(median * 300.0)),
+            "{quartile} {median}"
+        );
+        // A part of the image is textured, and smooth otherwise.
+        let textured =
+            image(&|x, y| if x < 40 { 1.0 + 0.01 * y as f32 } else { 1.0 + noise(x / 2, y / 2) });
+        let [quartile, median] = grain(&[textured], width);
+        assert!(quartile < 1e-6 && median > 1e-3, "{quartile} {median}");
+        assert_eq!(grain(&[vec![0.5; 64]], 8), [0.0; 2]);
+        assert_eq!(grain(&[], 8), [0.0; 2]);
     }
 
     #[test]

@@ -160,7 +160,7 @@ impl Mapping {
     pub fn provides(&self, PlaneId { feature, quantity, .. }: PlaneId) -> bool {
         match quantity {
             Quantity::Value | Quantity::Gradient => {
-                feature == Feature::Pixel || self.value(feature).is_some()
+                !feature.is_stored() || self.value(feature).is_some()
             }
             Quantity::Variance => self.value(feature).is_some() || self.variance(feature).is_some(),
         }

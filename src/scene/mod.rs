@@ -52,6 +52,7 @@ pub use normalize::{ColorScale, Normalization};
 pub use note::Note;
 pub use picture::{load_image, load_reference};
 pub use plane::{Layout, Plane, Samples};
+pub use prepare::MOST_SAMPLES;
 pub use raw::RawScene;
 pub use repair::Repair;
 pub use spill::{SpilledScene, Weight};
@@ -67,6 +68,9 @@ pub struct LoadOptions {
     pub repair: Repair,
     /// How colours are laid out for weights.
     pub color_scale: ColorScale,
+    /// How many samples each pixel is the mean of, for filters that ask; if nothing is said,
+    /// what the file says.
+    pub samples: Option<u32>,
 }
 
 /// A noisy image with its features, ready to be filtered.

@@ -66,6 +66,7 @@ impl Needs {
     /// - the colour, always: it is what a filter averages, and the exposure;
     /// - a feature's value for its variance, where that must be estimated or
     ///   follows a compression;
+    /// - the colour's variance for whether it was measured, and for grain;
     /// - positions for anything about depth, and for their own variance: they
     ///   tell the extent;
     /// - for positions, what tells where nothing was hit: depth if the file has
@@ -90,6 +91,10 @@ impl Needs {
                 }
                 stored.insert((feature, Quantity::Variance));
             }
+        }
+        let tells = [Feature::Measured, Feature::Grain];
+        if tells.into_iter().any(|feature| self.wants(feature, Quantity::Value)) {
+            stored.insert((Feature::Color, Quantity::Variance));
         }
         let reads = |stored: &BTreeSet<(Feature, Quantity)>, feature| {
             stored.iter().any(|&(stored, _)| stored == feature)

@@ -66,7 +66,8 @@ impl RawScene {
         let ((color, ones), scales) =
             rayon::join(summed, || Scales::of(&self, options.color_scale));
         let scales = scales?;
-        let maker = Maker { features: &self, scales: &scales, layout };
+        let samples = options.samples.or(self.samples);
+        let maker = Maker { features: &self, scales: &scales, layout, samples };
         let made = Feature::ALL
             .into_par_iter()
             .map(|feature| {
@@ -172,11 +173,23 @@ fn visible(features: &dyn MendedFeatures) -> Result<Visible, SceneError> {
     Ok((None, extent, Vec::new()))
 }
 
+/// More samples per pixel than these count as so many.
+pub const MOST_SAMPLES: u32 = 65536;
+
+/// What stands in for a variance that a file does not hold, from the values.
+pub(super) fn estimated_variance(values: &[Vec<f32>], width: usize) -> Vec<f32> {
+    let mut estimate = derive::estimate_variance(values, width);
+    limit(&mut estimate);
+    estimate
+}
+
 /// Makes planes.
 pub(super) struct Maker<'a> {
     pub(super) features: &'a dyn MendedFeatures,
     pub(super) scales: &'a Scales,
     pub(super) layout: Layout,
+    /// Samples per pixel, where they are known.
+    pub(super) samples: Option<u32>,
 }
 
 /// Takes a plane's samples, row by row without padding.
@@ -216,11 +229,7 @@ impl Maker<'_> {
         let stored = self.features.get(feature, Quantity::Variance)?;
         let samples = match (stored.as_deref(), &normalized) {
             (Some(stored), _) => Some(self.stored_variance(feature, stored)?),
-            (None, Some(normalized)) => {
-                let mut estimate = derive::estimate_variance(normalized, self.layout.width());
-                limit(&mut estimate);
-                Some(estimate)
-            }
+            (None, Some(normalized)) => Some(estimated_variance(normalized, self.layout.width())),
             (None, None) => None,
         };
         if let Some(samples) = &samples {
@@ -231,10 +240,28 @@ impl Maker<'_> {
 
     /// The feature's components in the scene's own scales.
     fn normalized(&self, feature: Feature) -> Result<Option<Vec<Vec<f32>>>, SceneError> {
-        if feature == Feature::Pixel {
-            let (width, height) = (self.layout.width(), self.layout.height());
-            let axis = |axis| derive::coordinates(width, height, axis);
-            return Ok(Some((0..2).map(axis).collect()));
+        let everywhere = |x: f32| Ok(Some(vec![vec![x; self.layout.pixels()]]));
+        match feature {
+            Feature::Pixel => {
+                let (width, height) = (self.layout.width(), self.layout.height());
+                let axis = |axis| derive::coordinates(width, height, axis);
+                return Ok(Some((0..2).map(axis).collect()));
+            }
+            Feature::Measured => {
+                let stored = self.features.get(Feature::Color, Quantity::Variance)?;
+                return everywhere(if stored.is_some() { 1.0 } else { 0.0 });
+            }
+            Feature::Grain => {
+                let stored = self.features.get(Feature::Color, Quantity::Variance)?.is_some();
+                let color = if stored { None } else { self.normalized(Feature::Color)? };
+                let grain = color.map(|color| derive::grain(&color, self.layout.width()));
+                let planes = grain.unwrap_or_default().map(|x| vec![x; self.layout.pixels()]);
+                return Ok(Some(planes.into()));
+            }
+            Feature::Samples => {
+                return everywhere(self.samples.unwrap_or(0).min(MOST_SAMPLES) as f32);
+            }
+            _ => {}
         }
         let Some(raw) = self.features.get(feature, Quantity::Value)? else { return Ok(None) };
         let divisor = self.divisor(feature);

@@ -27,6 +27,8 @@ pub struct RawScene {
     /// Values (one image per component) and variances of the pixel's mean (one
     /// image, or one per component to be averaged). Must hold the colour.
     pub features: BTreeMap<(Feature, Quantity), Vec<Vec<f32>>>,
+    /// Samples per pixel, where the file says so.
+    pub samples: Option<u32>,
     pub(super) notes: Vec<Note>,
     pub(super) origin: Origin,
 }
@@ -46,6 +48,7 @@ impl RawScene {
             width,
             height,
             features: BTreeMap::from([((Feature::Color, Quantity::Value), color.into())]),
+            samples: None,
             notes: Vec::new(),
             origin: Origin::default(),
         }
@@ -82,6 +85,7 @@ impl RawScene {
             width: pixels.width,
             height: pixels.height,
             features,
+            samples: header.samples_per_pixel(),
             notes: notes(&mapping, needs),
             origin: Origin { attributes: Some(pixels.attributes), file: Some((header, mapping)) },
         })

@@ -110,6 +110,7 @@ impl SpilledScene {
         };
         let mut notes = notes(&mapping, needs);
         let attributes = Some(decoded.attributes);
+        let samples = options.samples.or(header.samples_per_pixel());
         let origin = Origin { attributes, file: Some((header, mapping)) };
 
         let mender = Mender { name: &name, origin: &origin, width, repair: options.repair };
@@ -132,7 +133,7 @@ impl SpilledScene {
             scratch.write(place, 0, samples)?;
         }
         drop(color);
-        let maker = Maker { features: &raw, scales: &scales, layout };
+        let maker = Maker { features: &raw, scales: &scales, layout, samples };
         let (mut places, mut facts) = (BTreeMap::new(), Vec::new());
         for feature in Feature::ALL {
             let estimated = maker.planes(feature, needs, &mut |id, samples| {

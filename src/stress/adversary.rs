@@ -103,7 +103,7 @@ impl Row {
             channel.into_iter().map(f32::abs).collect()
         });
         let mut raw = RawScene::new(self.name, WIDTH, HEIGHT, color);
-        for feature in Feature::ALL.into_iter().filter(|&feature| feature != Feature::Pixel) {
+        for feature in Feature::ALL.into_iter().filter(|feature| feature.is_stored()) {
             if feature != Feature::Color {
                 let values = (0..feature.width()).map(|c| image(feature, Quantity::Value, c));
                 raw = raw.with(feature, Quantity::Value, values.collect());

@@ -15,36 +15,46 @@ pub struct Lack {
     pub name: &'static str,
     /// What is not there.
     pub features: &'static [Feature],
+    /// Whether there are variances.
+    pub variances: bool,
 }
 
+/// What a picture with normals, albedo and depth lacks.
+const GUIDES: &[Feature] = &[Feature::WorldPosition, Feature::SecTexture, Feature::DirIllumination];
+
+/// What a picture with normals and albedo lacks.
+const NORMAL_AND_ALBEDO: &[Feature] =
+    &[Feature::WorldPosition, Feature::SecTexture, Feature::DirIllumination, Feature::Depth];
+
+/// What a picture alone lacks.
+const COLOR: &[Feature] = &[
+    Feature::WorldPosition,
+    Feature::SecTexture,
+    Feature::DirIllumination,
+    Feature::Depth,
+    Feature::Normal,
+    Feature::Texture,
+];
+
 /// What files lack: at first nothing. What denoisers are usually given follows, with and
-/// without depth, and at last a picture alone.
-pub const LACKS: [Lack; 4] = [
-    Lack { name: "all features", features: &[] },
+/// without depth, and a picture alone; and the same once more as most renderers write them,
+/// without variances.
+pub const LACKS: [Lack; 7] = [
+    Lack { name: "all features", features: &[], variances: true },
+    Lack { name: "colour, albedo, normal and depth", features: GUIDES, variances: true },
+    Lack { name: "colour, albedo and normal", features: NORMAL_AND_ALBEDO, variances: true },
+    Lack { name: "colour alone", features: COLOR, variances: true },
     Lack {
-        name: "colour, albedo, normal and depth",
-        features: &[Feature::WorldPosition, Feature::SecTexture, Feature::DirIllumination],
+        name: "colour, albedo, normal and depth without variances",
+        features: GUIDES,
+        variances: false,
     },
     Lack {
-        name: "colour, albedo and normal",
-        features: &[
-            Feature::WorldPosition,
-            Feature::SecTexture,
-            Feature::DirIllumination,
-            Feature::Depth,
-        ],
+        name: "colour, albedo and normal without variances",
+        features: NORMAL_AND_ALBEDO,
+        variances: false,
     },
-    Lack {
-        name: "colour alone",
-        features: &[
-            Feature::WorldPosition,
-            Feature::SecTexture,
-            Feature::DirIllumination,
-            Feature::Depth,
-            Feature::Normal,
-            Feature::Texture,
-        ],
-    },
+    Lack { name: "colour alone without variances", features: COLOR, variances: false },
 ];
 
 /// A part of an image.
@@ -62,6 +72,8 @@ pub struct Draw {
     pub gain: f32,
     /// Which share of its noise is left.
     pub noise: f32,
+    /// Whether the filter is told how many samples there are.
+    pub told: bool,
 }
 
 impl Draw {
@@ -88,7 +100,8 @@ impl Draw {
         let (quiet, halvings) =
             (stream.random_bool(settings.clean), stream.random_range(0.0f32..3.0));
         let noise = if quiet { (-halvings).exp2() } else { 1.0 };
+        let told = stream.random_bool(0.5);
         let crop = Crop { corner, size, flipped, transposed };
-        Self { scene, level, lack, crop, gain: stops.exp2(), noise }
+        Self { scene, level, lack, crop, gain: stops.exp2(), noise, told }
     }
 }

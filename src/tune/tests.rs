@@ -56,7 +56,9 @@ fn scene(seed: u64) -> TuningScene {
             image(&mut |k| (wall(k) * (1.0 + noise * random.random_range(-1.5f32..1.5))).max(0.0))
         });
         let normal = [image(&mut |k| wall(k).round()), image(&mut |_| 0.3), image(&mut |_| 0.0)];
+        let variance = image(&mut |k| 0.75 * (wall(k) * noise).powi(2));
         let scene = RawScene::new("walls", width, height, color)
+            .with(Feature::Color, Quantity::Variance, vec![variance])
             .with(Feature::Normal, Quantity::Value, normal.into())
             .prepare(&Needs::everything(), 2, &LoadOptions::default())
             .expect("a sound scene");
@@ -160,4 +162,19 @@ fn what_cannot_be_tuned_is_refused() {
     let needs = FILTER.replace("mean(normal)", "mean(albedo)");
     let error = refused(filter(&needs), settings(), &training).to_string();
     assert!(error.contains("walls 1") && error.contains("texture"), "{error}");
+}
+
+#[test]
+fn files_without_variances_are_met_where_a_filter_asks_for_them() {
+    let sets = |text: &str| {
+        let training = [scene(1)];
+        let tuner = Tuner::new(filter(text), settings(), &training, &[], &Interpreter);
+        tuner.expect("it begins").feature_sets()
+    };
+    assert_eq!(sets(FILTER), ["all features", "colour alone"]);
+    let asks = FILTER.replace("mean(color)", "mean(color) + cVariance + 0.01 * samples * measured");
+    let names = ["all features", "colour alone"];
+    let without = ["colour, albedo, normal and depth without variances"];
+    let last = ["colour alone without variances"];
+    assert_eq!(sets(&asks), [&names[..], &without, &last].concat());
 }

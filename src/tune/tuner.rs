@@ -12,15 +12,16 @@ use super::error::Error;
 use super::loss::{PARTS, parts};
 use super::optimizer::{Rates, Scales};
 use super::rng::stream;
-use super::scenes::TuningScene;
+use super::scenes::{Level, TuningScene};
 use super::settings::Settings;
 use crate::backend::{Backend, Differentiable, Differentiator, Rect, Workspace};
+use crate::expr::builder::LIMIT;
 use crate::expr::interval::Interval;
 use crate::expr::{Feature, PlaneId, Quantity};
 use crate::filter::Filter;
 use crate::image::{Image, Metrics};
 use crate::plan::{Gradient, Passes, Plan, PlanError};
-use crate::scene::{Fact, Facts};
+use crate::scene::{Fact, Facts, MOST_SAMPLES, Note, Scene};
 
 /// How much of what a part of the loss is for an image by now comes from the last time that
 /// some of it was drawn.
@@ -43,9 +44,10 @@ pub enum Event<'a> {
 /// How a filter does on whole validation scenes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trial {
-    /// The mean score of the loss.
+    /// The mean score of the loss, over images with all features and without some of them,
+    /// the latter counting as often as they are tuned on.
     pub score: f64,
-    /// The geometric mean of RelMSE.
+    /// The geometric mean of RelMSE, with all features.
     pub rel_mse: f64,
     /// The same without the worst 0.1% of the pixels of each image.
     pub trimmed_rel_mse: f64,
@@ -68,6 +70,7 @@ pub struct Outcome {
 /// A set of features that files have, and the code for it.
 struct Code {
     lack: &'static Lack,
+    facts: Facts,
     code: Box<dyn Differentiable>,
     workspaces: Mutex<Vec<Workspace>>,
 }
@@ -274,14 +277,20 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
             pixels: pixels.map(|k| scene.reference.pixels[k]).collect(),
             exposure: scene.reference.exposure,
         };
-        let noisy = match draw.noise == 1.0 {
-            true => whole.crop(&draw.crop, draw.gain),
-            false => {
-                let bright = |pixel: &[f32; 3]| pixel.map(|x| x * draw.gain);
-                let truth: Vec<[f32; 3]> = reference.pixels.iter().map(bright).collect();
-                whole.crop(&draw.crop, draw.gain).quieter(&truth, draw.noise)
-            }
-        };
+        let code = &self.codes[draw.lack];
+        let mut noisy = whole.crop(&draw.crop, draw.gain);
+        if draw.noise < 1.0 {
+            let bright = |pixel: &[f32; 3]| pixel.map(|x| x * draw.gain);
+            let truth: Vec<[f32; 3]> = reference.pixels.iter().map(bright).collect();
+            noisy = noisy.quieter(&truth, draw.noise);
+        }
+        if !code.lack.variances || is_estimated(whole) {
+            noisy = noisy.without_variances();
+        }
+        if let (true, Some(samples)) = (draw.told, scene.levels[draw.level].samples) {
+            // Noise falls with the root of their number.
+            noisy = noisy.with_samples((samples as f32 / draw.noise.powi(2)) as u32);
+        }
         // The result is as much brighter as what was filtered.
         let unit = whole.normalization().exposure / draw.gain;
         // What a part loses that is less noisy than its image says nothing of the others.
@@ -310,7 +319,6 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
             }
             0.0
         };
-        let code = &self.codes[draw.lack];
         let free = || code.workspaces.lock().expect("nobody panics with it");
         let mut workspace = free().pop().unwrap_or_default();
         let mut derivatives = vec![0.0; constants.len()];
@@ -324,9 +332,10 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
         let values = self.scales.values(&self.state.position.average);
         let mut filter = self.filter.clone();
         filter.constants.set_values(&values);
+        let lacks: Vec<&Lack> = self.codes.iter().map(|code| code.lack).collect();
         let trial = match self.validation.is_empty() {
             true => None,
-            false => Some(trial(&filter, self.validation, &self.settings, self.backend)?),
+            false => Some(trial(&filter, self.validation, &lacks, &self.settings, self.backend)?),
         };
         let state = &mut self.state;
         if let Some(trial) = trial {
@@ -349,40 +358,66 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
     }
 }
 
-/// How a filter does on whole scenes, at all of their sample counts.
+/// How a filter does on whole scenes, at all of their sample counts: with all features, and
+/// with what the other sets leave, each image with one of them in turn.
 ///
 /// # Errors
 /// If it cannot run on one of them.
 fn trial<B: Backend>(
     filter: &Filter,
     scenes: &[TuningScene],
+    lacks: &[&Lack],
     settings: &Settings,
     backend: &B,
 ) -> Result<Trial, Error> {
-    let checked = filter.check().expect("values within bounds make sense");
-    let levels = || scenes.iter().flat_map(|scene| scene.levels.iter().map(move |l| (scene, l)));
-    let facts = Facts::of_all(levels().map(|(_, level)| &level.scene));
-    let plan = Plan::of(&checked, &facts, Passes::ALL).map_err(|source| refused(scenes, source))?;
-    let code = backend.compile(&plan)?;
-    let (mut sums, mut count) = ([0.0; 3], 0.0);
-    for (scene, level) in levels() {
-        let noisy = &level.scene;
-        let filtered = code.run(noisy, &[Rect::whole(noisy)])?.swap_remove(0);
-        let mut owed = vec![[0.0; 3]; filtered.pixels.len()];
-        let shares = settings.loss.shares();
-        let (width, height) = scene.image.size();
-        let parts = parts(&filtered.pixels, width, 1.0, &scene.reference, shares, &mut owed);
-        let rgb = [0, 1, 2].map(|k| filtered.pixels.iter().map(|pixel| pixel[k]).collect());
-        let image = Image::new(&scene.name, width, height, rgb).expect("a colour per pixel");
-        let metrics = Metrics::of(&image, &scene.image)?;
-        let logs = [metrics.rel_mse, metrics.trimmed_rel_mse].map(|x| x.max(1e-12).ln());
-        sums[0] += settings.loss.score(parts);
-        sums[1] += logs[0];
-        sums[2] += logs[1];
-        count += 1.0;
+    let images: Vec<(&TuningScene, &Level)> =
+        scenes.iter().flat_map(|scene| scene.levels.iter().map(move |l| (scene, l))).collect();
+    let mut sums = [0.0; 3];
+    let mut lacking = 0.0;
+    for (k, lack) in lacks.iter().enumerate() {
+        let others = lacks.len() - 1;
+        let met = images.iter().enumerate().filter(|&(n, _)| k == 0 || n % others == k - 1);
+        let met: Vec<(&TuningScene, Scene)> =
+            met.map(|(_, &(scene, level))| (scene, without(&level.scene, lack))).collect();
+        if met.is_empty() {
+            continue;
+        }
+        let checked = filter.check().expect("values within bounds make sense");
+        let facts = Facts::of_all(met.iter().map(|(_, noisy)| noisy));
+        let facts = facts.iter().filter(|(plane, _)| !lack.features.contains(&plane.feature));
+        let facts = Facts::from_planes(facts);
+        let plan =
+            Plan::of(&checked, &facts, Passes::ALL).map_err(|source| refused(scenes, source))?;
+        let code = backend.compile(&plan)?;
+        for (scene, noisy) in &met {
+            let filtered = code.run(noisy, &[Rect::whole(noisy)])?.swap_remove(0);
+            let mut owed = vec![[0.0; 3]; filtered.pixels.len()];
+            let shares = settings.loss.shares();
+            let (width, height) = scene.image.size();
+            let parts = parts(&filtered.pixels, width, 1.0, &scene.reference, shares, &mut owed);
+            if k > 0 {
+                lacking += settings.loss.score(parts);
+                continue;
+            }
+            let rgb = [0, 1, 2].map(|k| filtered.pixels.iter().map(|pixel| pixel[k]).collect());
+            let image = Image::new(&scene.name, width, height, rgb).expect("a colour per pixel");
+            let metrics = Metrics::of(&image, &scene.image)?;
+            let logs = [metrics.rel_mse, metrics.trimmed_rel_mse].map(|x| x.max(1e-12).ln());
+            sums[0] += settings.loss.score(parts);
+            sums[1] += logs[0];
+            sums[2] += logs[1];
+        }
     }
-    let [score, rel_mse, trimmed] = sums.map(|sum| sum / count);
+    let count = images.len() as f64;
+    let [full, rel_mse, trimmed] = sums.map(|sum| sum / count);
+    let dropped = if lacks.len() > 1 { settings.drop } else { 0.0 };
+    let score = (1.0 - dropped) * full + dropped * lacking / count;
     Ok(Trial { score, rel_mse: rel_mse.exp(), trimmed_rel_mse: trimmed.exp() })
+}
+
+/// An image as if its file had no variances, if that is what is lacking.
+fn without(scene: &Scene, lack: &Lack) -> Scene {
+    if lack.variances { scene.clone() } else { scene.without_variances() }
 }
 
 fn refused(scenes: &[TuningScene], source: PlanError) -> Error {
@@ -406,18 +441,29 @@ fn codes(
     let checked = filter.check().expect("whoever has a filter has checked it");
     let levels = scenes.iter().flat_map(|scene| &scene.levels);
     let all = Facts::of_all(levels.map(|level| &level.scene));
+    let mut levels = scenes.iter().flat_map(|scene| &scene.levels);
+    let estimated = levels.any(|level| is_estimated(&level.scene));
     let needs = checked.needs();
     let reads: BTreeMap<PlaneId, ()> =
         needs.named().into_iter().flatten().map(|&plane| (plane, ())).collect();
-    let mut codes: Vec<(Facts, Code)> = Vec::new();
+    let mut codes: Vec<Code> = Vec::new();
     for lack in &LACKS {
         let kept = all.iter().filter(|(plane, _)| {
             reads.contains_key(plane) && !lack.features.contains(&plane.feature)
         });
         let facts = Facts::from_planes(kept.map(|(plane, fact)| {
-            (plane, within(plane, fact.join(truth(plane, fact, scenes)), settings))
+            let fact = match (plane.feature, plane.quantity) {
+                (Feature::Measured, _) if !lack.variances => Fact::Constant(0.0),
+                (Feature::Samples, _) => Fact::Range(Interval::new(0.0, MOST_SAMPLES as f32)),
+                // Parts of images are estimated anew.
+                (Feature::Grain, _) | (_, Quantity::Variance) if !lack.variances || estimated => {
+                    Fact::Range(Interval::new(0.0, LIMIT))
+                }
+                _ => within(plane, fact.join(truth(plane, fact, scenes)), settings),
+            };
+            (plane, fact)
         }));
-        if codes.iter().any(|(known, _)| *known == facts) {
+        if codes.iter().any(|code| code.facts == facts) {
             continue;
         }
         let gradient = match Gradient::new(&checked, &facts, Passes::ALL) {
@@ -427,9 +473,14 @@ fn codes(
             Err(source) => return Err(refused(scenes, source)),
         };
         let code = backend.differentiate(&gradient)?;
-        codes.push((facts, Code { lack, code, workspaces: Mutex::default() }));
+        codes.push(Code { lack, facts, code, workspaces: Mutex::default() });
     }
-    Ok(codes.into_iter().map(|(_, code)| code).collect())
+    Ok(codes)
+}
+
+/// Whether the variance of the colour is an estimate, as far as somebody asked for it.
+fn is_estimated(scene: &Scene) -> bool {
+    scene.notes().contains(&Note::EstimatedVariance(Feature::Color))
 }
 
 /// What is known of the colour without its noise; of other planes what is known anyway.

@@ -267,7 +267,7 @@ fn every_term(backend: &dyn Backend) {
 /// Some forty planes: more than a shader may have buffers.
 fn all_terms_at_once(backend: &dyn Backend) {
     let scene = scene(21, 10, 12);
-    let terms = Feature::terms().filter(|(feature, _)| *feature != Feature::Pixel);
+    let terms = Feature::terms().filter(|(feature, _)| feature.is_stored());
     let sum: Vec<String> = terms
         .map(|(feature, quantity)| {
             let term = feature.spelling(quantity).expect("terms() lists what can be spelt");
@@ -466,7 +466,7 @@ fn any_trees_on_extreme_numbers(backend: &dyn Backend) {
         (0..width * height).map(value).collect()
     };
     let mut raw = RawScene::new("extreme", width, height, [0; 3].map(|_| samples(0.0)));
-    for feature in Feature::ALL.into_iter().filter(|&feature| feature != Feature::Pixel) {
+    for feature in Feature::ALL.into_iter().filter(|feature| feature.is_stored()) {
         if feature != Feature::Color {
             let values = (0..feature.width()).map(|_| samples(f32::MIN)).collect();
             raw = raw.with(feature, Quantity::Value, values);

@@ -90,7 +90,7 @@ fn program(filters: &[Filter], precision: Precision) -> String {
         let read = plan(filter, precision).planes();
         for (k, (feature, quantity)) in Feature::terms().enumerate() {
             let is_read = PlaneId::of(feature, quantity).any(|plane| read.contains(&plane));
-            if feature == Feature::Pixel || !is_read {
+            if !feature.is_stored() || !is_read {
                 continue;
             }
             let field = feature.identifier(quantity);

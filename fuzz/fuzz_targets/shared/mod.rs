@@ -32,7 +32,7 @@ pub(crate) fn scene((width, height): (usize, usize), pad: usize, seed: u16) -> S
     let color = [0; 3].map(|_| samples(0.0));
     let mut raw = RawScene::new("fuzz", width, height, color);
     for feature in Feature::ALL {
-        if feature == Feature::Pixel {
+        if !feature.is_stored() {
             continue;
         }
         if feature != Feature::Color {

@@ -137,7 +137,8 @@ impl Bench {
             source,
         })?;
 
-        let all = filters.iter().map(needs).fold(Given::Guides.needs(), Needs::union);
+        let all = filters.iter().map(needs).chain(Given::ALL.map(Given::needs));
+        let all = all.fold(Needs::nothing(), Needs::union);
         let pad = filters.iter().map(reach).max().unwrap_or(0);
         let mut contest = Contest::of(entrants, usize::from(self.rounds));
         for files in &found {
@@ -237,7 +238,7 @@ impl Bench {
         let oidn = self.oidn.clone().or_else(|| program::on_the_path(oidn::NAME));
         for (program, given) in oidn.iter().flat_map(|p| Given::ALL.map(|given| (p, given))) {
             entrants.push(Entrant {
-                filter: given.title().to_owned(),
+                filter: given.title(),
                 engine: "oidn".to_owned(),
                 radius: None,
                 meaning: None,

@@ -25,29 +25,31 @@ pub(super) const NAME: &str = "oidnDenoise";
 /// Beside the colour: the option, and what it takes.
 const GUIDES: [(&str, Feature); 2] = [("--alb", Feature::Texture), ("--nrm", Feature::Normal)];
 
-/// What it is given.
+/// How it takes part.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Given {
-    Color,
-    Guides,
+pub(super) struct Given {
+    /// Whether it is given albedo and normal.
+    guided: bool,
+    /// Its `--quality`.
+    quality: &'static str,
 }
 
 impl Given {
-    pub(super) const ALL: [Self; 2] = [Self::Color, Self::Guides];
+    pub(super) const ALL: [Self; 4] = [
+        Self { guided: false, quality: "balanced" },
+        Self { guided: true, quality: "fast" },
+        Self { guided: true, quality: "balanced" },
+        Self { guided: true, quality: "high" },
+    ];
 
     /// What the table calls it.
-    pub(super) fn title(self) -> &'static str {
-        match self {
-            Self::Color => "oidn: colour",
-            Self::Guides => "oidn: +albedo, normal",
-        }
+    pub(super) fn title(self) -> String {
+        let guides = if self.guided { "+albedo, normal" } else { "colour" };
+        format!("oidn {}: {guides}", self.quality)
     }
 
     fn guides(self) -> &'static [(&'static str, Feature)] {
-        match self {
-            Self::Color => &[],
-            Self::Guides => &GUIDES,
-        }
+        if self.guided { &GUIDES } else { &[] }
     }
 
     /// The planes that it is made of.
@@ -89,7 +91,8 @@ impl Contestant for Oidn {
             give(option, &guide(round, feature))?;
         }
         let output = folder.path().join("out.pfm");
-        command.arg("-o").arg(&output).args(["--threads", &self.threads.to_string()]);
+        command.arg("-o").arg(&output).args(["--quality", self.given.quality]);
+        command.args(["--threads", &self.threads.to_string()]);
         Ok(Box::new(Ready { round, command, output, initialization: None, _folder: folder }))
     }
 }

@@ -1,9 +1,9 @@
 //! How far a run over several frames is: a line that redraws itself on a
 //! terminal. Elsewhere the frames' own remarks tell.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use crate::cli::log::Log;
 use crate::report::number;
@@ -16,14 +16,7 @@ pub(super) struct Progress {
 
 impl Progress {
     pub(super) fn new(log: Log, frames: usize) -> Self {
-        let bar = (frames > 1 && log.live()).then(|| {
-            let bar = ProgressBar::new(frames as u64);
-            let style = ProgressStyle::with_template("{wide_bar:.cyan/238} {msg}")
-                .expect("the template is well-formed");
-            bar.set_style(style.progress_chars("━╸─"));
-            bar.enable_steady_tick(Duration::from_millis(200));
-            bar
-        });
+        let bar = if frames > 1 { log.bar(frames as u64) } else { None };
         Self { started: Instant::now(), frames, bar }
     }
 

@@ -6,8 +6,6 @@ mod progress;
 mod record;
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::builder::PossibleValue;
@@ -17,7 +15,7 @@ use super::backend::{LanesArgs, Processor};
 use super::error::Error;
 use super::log::Log;
 use super::measure::Measuring;
-use super::{resolve, scenes};
+use super::{interrupt, resolve, scenes};
 use crate::backend::Backend;
 use crate::evolve::{
     self, Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Preset,
@@ -193,15 +191,7 @@ impl Evolve {
         settings: &Settings,
         log: Log,
     ) -> Result<Outcome, Error> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let raised = Arc::clone(&stop);
-        ctrlc::set_handler(move || {
-            // Whoever asks twice does not want to wait for the finalists.
-            if raised.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-            log.say("\nstopping: judging the best so far (Ctrl-C again to quit at once)");
-        })?;
+        let stop = interrupt::flag(log, "stopping: judging the best so far")?;
         let time_limit = self.max_time.map(|seconds| Duration::from_secs(seconds.into()));
         let control = Control {
             stop,
@@ -317,7 +307,7 @@ fn stable_only<'a>(
 /// reads it could not be judged.
 fn forbid_absent(settings: &mut Settings, training: &[TrainingScene], log: Log) {
     let facts = Facts::of_all(training.iter().map(TrainingScene::scene));
-    let terms = Feature::terms().filter(|&(feature, _)| feature != Feature::Pixel);
+    let terms = Feature::terms().filter(|(feature, _)| feature.is_stored());
     let absent = terms.filter(|&(feature, quantity)| {
         PlaneId::of(feature, quantity).any(|plane| facts.get(plane) == Fact::Absent)
     });

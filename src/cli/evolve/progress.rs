@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use crate::cli::log::Log;
 use crate::evolve::Event;
@@ -35,14 +35,7 @@ pub(super) struct Progress {
 
 impl Progress {
     pub(super) fn new(log: Log, generations: u32, time_limit: Option<Duration>) -> Self {
-        let bar = log.live().then(|| {
-            let bar = ProgressBar::new(0);
-            let style = ProgressStyle::with_template("{wide_bar:.cyan/238} {msg}")
-                .expect("the template is well-formed");
-            bar.set_style(style.progress_chars("━╸─"));
-            bar.enable_steady_tick(Duration::from_millis(200));
-            bar
-        });
+        let bar = log.bar(0);
         Self {
             log,
             started: Instant::now(),

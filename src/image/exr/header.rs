@@ -163,7 +163,7 @@ impl Header {
         &self.parts
     }
 
-    /// The file's own statement of its samples per pixel (pbrt-v4 writes one).
+    /// The file's own statement of its samples per pixel (pbrt-v4 and Blender write one).
     pub fn samples_per_pixel(&self) -> Option<u32> {
         self.samples_per_pixel
     }
@@ -278,10 +278,46 @@ fn full_name(part: Option<&str>, channel: &str) -> String {
 fn samples_per_pixel(header: &exr::meta::header::Header) -> Option<u32> {
     let mut attributes =
         header.own_attributes.other.iter().chain(header.shared_attributes.other.iter());
-    attributes.find_map(|(name, value)| match value {
-        AttributeValue::I32(spp) if name.eq("samplesPerPixel") => {
-            u32::try_from(*spp).ok().filter(|&spp| spp > 0)
-        }
-        _ => None,
+    attributes.find_map(|(name, value)| {
+        let samples = match value {
+            AttributeValue::I32(samples) if name.eq("samplesPerPixel") => {
+                u32::try_from(*samples).ok()
+            }
+            // Blender's `cycles.VIEW_LAYER.samples`.
+            AttributeValue::Text(samples) => {
+                let name = name.to_string();
+                let layer =
+                    name.strip_prefix("cycles.").and_then(|rest| rest.strip_suffix(".samples"));
+                layer.and_then(|_| samples.to_string().trim().parse().ok())
+            }
+            _ => None,
+        };
+        samples.filter(|&samples| samples > 0)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use exr::meta::header::Header;
+    use exr::prelude::{ChannelDescription, SmallVec};
+
+    use super::*;
+
+    #[test]
+    fn files_say_how_many_samples_they_have_in_two_ways() {
+        let said = |name: &str, value: AttributeValue| {
+            let channel = ChannelDescription::named("R", SampleType::F32);
+            let mut header =
+                Header::new(Text::from("made"), (2, 2), SmallVec::from_iter([channel]));
+            header.own_attributes.other.insert(Text::from(name), value);
+            samples_per_pixel(&header)
+        };
+        let text = |text: &str| AttributeValue::Text(Text::from(text));
+        assert_eq!(said("samplesPerPixel", AttributeValue::I32(16)), Some(16));
+        assert_eq!(said("samplesPerPixel", AttributeValue::I32(-1)), None);
+        assert_eq!(said("cycles.ViewLayer.samples", text("128")), Some(128));
+        assert_eq!(said("cycles.ViewLayer.samples", text("many")), None);
+        assert_eq!(said("cycles.ViewLayer.synchronization_time", text("128")), None);
+        assert_eq!(said("samples", text("128")), None);
+    }
 }
