@@ -115,7 +115,7 @@ struct Parameters {
     #[arg(long, value_name = "X")]
     decay: Option<f64>,
 
-    /// The share of parts without some of the features [default: 0.4]
+    /// The share of parts without some of the features, or without variances [default: 0.4]
     #[arg(long, value_name = "X")]
     drop: Option<f64>,
 

@@ -26,7 +26,7 @@ pub struct Settings {
     pub layer_rate: f64,
     /// The share of themselves that W of layers loses per step, times its rate.
     pub decay: f64,
-    /// The share of parts that are filtered without some of the features.
+    /// The share of parts that are filtered without some of the features, or without variances.
     pub drop: f64,
     /// By how many stops light is made brighter or darker, at most: what filters see is in
     /// units of the exposure, which a few lamps may move as far.
