@@ -278,10 +278,9 @@ def program(name, first, second, cleans):
 
     # The clean-up, in the colour itself.
     f.map("color0", f"{result} * base")
-    if cleans:
-        f.layer("hidden3", UNITS, count)
-        f.layer("out3", 6 * len(cleans), UNITS, at_rest=True)
-        f.map("learnt3", "out3(leaky(hidden3(stats2)))", half=True)
+    f.layer("hidden3", UNITS, count)
+    f.layer("out3", 6 * len(cleans), UNITS, at_rest=True)
+    f.map("learnt3", "out3(leaky(hidden3(stats2)))", half=True)
     for k, dilation in enumerate(cleans):
         learnt = lambda n: f"learnt3[{6 * k + n}]"
         color, starts = f"color{k}", {"q": 2.0, "sp": 0.0, "n": 2.0, "a": 3.0, "u": 0.5, "qu": -2.0, "b": 2.0}

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the README's tables and picture: breeds a filter with the quick preset
+# Makes the tables of errors and the README's picture: breeds a filter with the quick preset
 # (a minute on two cores) and scores it beside the named ones.
 #
 #   scripts/results.sh [SCENES...]

@@ -83,6 +83,22 @@ macro_rules! features {
     };
 }
 
+/// What rows of features have in common that no file holds.
+const NOT_STORED: FeatureRow = FeatureRow {
+    name: "",
+    term: None,
+    gradient: None,
+    variance: None,
+    channels: &[],
+    variance_channels: &[],
+    width: 1,
+    unit: Unit::Own,
+    signed: false,
+    bounds: None,
+    title: "",
+    doc: "",
+};
+
 features! {
     /// World-space position of the first hit.
     WorldPosition {
@@ -192,63 +208,33 @@ features! {
     /// The pixel's own coordinates, in pixels.
     Pixel {
         name: "pixel",
-        term: None,
-        gradient: None,
-        variance: None,
-        channels: &[],
-        variance_channels: &[],
         width: 2,
-        unit: Unit::Own,
-        signed: false,
-        bounds: None,
         title: "pixel coordinates",
         doc: "the pixel's coordinates, in pixels",
+        ..NOT_STORED
     }
     /// Whether the colour's variance was measured: the same for all pixels of an image.
     Measured {
         name: "measured",
-        term: None,
-        gradient: None,
-        variance: None,
-        channels: &[],
-        variance_channels: &[],
-        width: 1,
-        unit: Unit::Own,
-        signed: false,
-        bounds: None,
         title: "whether variances were measured",
         doc: "1 where the file holds the colour's variance, 0 where it is estimated from the image",
+        ..NOT_STORED
     }
     /// Samples per pixel: the same for all pixels of an image.
     Samples {
         name: "samples",
-        term: None,
-        gradient: None,
-        variance: None,
-        channels: &[],
-        variance_channels: &[],
-        width: 1,
-        unit: Unit::Own,
-        signed: false,
-        bounds: None,
         title: "samples per pixel",
         doc: "samples per pixel, at most 65536; 0 where nobody says how many",
+        ..NOT_STORED
     }
     /// How noisy the image is as a whole: the same for all of its pixels.
     Grain {
         name: "grain",
-        term: None,
-        gradient: None,
-        variance: None,
-        channels: &[],
-        variance_channels: &[],
         width: 2,
-        unit: Unit::Own,
-        signed: false,
-        bounds: None,
         title: "grain",
         doc: "lower quartile and median, over squares of 16 pixels, of the colour's estimated \
               relative variance; 0 where the file holds the colour's variance",
+        ..NOT_STORED
     }
 }
 
