@@ -19,13 +19,10 @@ use std::process::Command;
 use tamis::backend::{Backend, Jit, Rect};
 use tamis::expr::{Feature, Quantity};
 use tamis::filter::{Filter, Gather};
-use tamis::image::{Image, Metrics};
+use tamis::image::{Image, Metrics, pfm};
 use tamis::plan::{Passes, Plan};
 use tamis::report::{Align, Format, Table, number};
 use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Repair, SceneFiles, load_reference};
-
-#[path = "../src/cli/bench/pfm.rs"]
-mod pfm;
 
 const FILTER: &str = "data/filters/tamis-2.toml";
 type Key = (Feature, Quantity);
@@ -163,8 +160,7 @@ fn open_image_denoise(
             return Err("three components are needed".into());
         };
         let path = folder.path().join(format!("{}.pfm", option.trim_start_matches('-')));
-        let channels = [r, g, b].map(Clone::clone);
-        fs::write(&path, pfm::write(raw.width, raw.height, &channels))?;
+        fs::write(&path, pfm::write((raw.width, raw.height), [r, g, b]))?;
         command.arg(option).arg(path);
     }
     let output = folder.path().join("out.pfm");
@@ -174,6 +170,7 @@ fn open_image_denoise(
         let said = String::from_utf8_lossy(&done.stderr).into_owned();
         return Err(format!("{}: {}\n{said}", program.display(), done.status).into());
     }
-    let channels = pfm::read(&fs::read(&output)?, raw.width, raw.height)?;
+    let pfm = pfm::read(&fs::read(&output)?)?;
+    let channels = pfm.channels.try_into().map_err(|_| "three channels are expected")?;
     Ok(Image::new(&raw.name, raw.width, raw.height, channels).ok_or("one colour per pixel")?)
 }

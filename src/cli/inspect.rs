@@ -59,6 +59,8 @@ struct Findings {
     file: String,
     convention: &'static str,
     samples_per_pixel: Option<u32>,
+    /// The views and layers that `denoise` filters, each with features of its own.
+    pictures: Vec<String>,
     layers: Vec<LayerEntry>,
     features: Vec<FeatureEntry>,
     bad_pixels: Vec<BadEntry>,
@@ -81,7 +83,8 @@ struct ChannelEntry {
     #[serde(rename = "type")]
     kind: String,
     feeds: Option<String>,
-    samples: SamplesEntry,
+    /// What its samples are like; nothing if it is of a kind that is not read.
+    samples: Option<SamplesEntry>,
 }
 
 #[derive(Serialize)]
@@ -158,9 +161,9 @@ impl Findings {
             .collect();
         let layer = |part: &Part| LayerEntry {
             name: part.name.clone(),
-            width: part.size.0,
-            height: part.size.1,
-            origin: part.origin,
+            width: part.window.size.0,
+            height: part.window.size.1,
+            origin: part.window.origin,
             compression: part.compression.clone(),
             storage: if part.tiled { "tiles" } else { "scan lines" },
             channels: part.channels.iter().map(|channel| entry(channel, &roles, scans)).collect(),
@@ -170,6 +173,12 @@ impl Findings {
             file: header.path().display().to_string(),
             convention: inspection.mapping().convention(),
             samples_per_pixel: header.samples_per_pixel(),
+            pictures: inspection
+                .targets()
+                .iter()
+                .map(|target| target.mapping().which().to_string())
+                .filter(|name| !name.is_empty())
+                .collect(),
             layers: header.parts().iter().map(layer).collect(),
             features: stored.map(|feature| feature_entry(feature, inspection, scans)).collect(),
             bad_pixels: findings.iter().map(BadEntry::new).collect(),
@@ -180,6 +189,9 @@ impl Findings {
         let mut text = format!("{}: channels named as {} does\n", self.file, self.convention);
         if let Some(count) = self.samples_per_pixel {
             let _ = writeln!(text, "{} per pixel", number::plural(count as usize, "sample"));
+        }
+        if !self.pictures.is_empty() {
+            let _ = writeln!(text, "pictures: {}", self.pictures.join("; "));
         }
         for layer in &self.layers {
             text.push_str(&layer.text());
@@ -300,7 +312,8 @@ impl LayerEntry {
         ]);
         for channel in &self.channels {
             let bound = |pick: fn(&SamplesEntry) -> Option<f32>| {
-                pick(&channel.samples).map_or("-".to_owned(), number::sample)
+                let samples = channel.samples.as_ref();
+                samples.and_then(pick).map_or("-".to_owned(), number::sample)
             };
             table.row([
                 channel.name.clone(),
@@ -308,7 +321,10 @@ impl LayerEntry {
                 channel.feeds.clone().unwrap_or_else(|| "-".to_owned()),
                 bound(|samples| samples.min),
                 bound(|samples| samples.max),
-                channel.samples.remarks(),
+                match &channel.samples {
+                    Some(samples) => samples.remarks(),
+                    None => "not read: deep or subsampled".to_owned(),
+                },
             ]);
         }
         text.push_str(&table.render(Format::Plain));
@@ -352,7 +368,7 @@ fn entry(
         name: channel.name.clone(),
         kind: channel.kind.to_string(),
         feeds: roles.get(channel.name.as_str()).map(PlaneId::to_string),
-        samples: SamplesEntry::new(&scans[&channel.name]),
+        samples: scans.get(&channel.name).map(SamplesEntry::new),
     }
 }
 

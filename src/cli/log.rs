@@ -29,6 +29,11 @@ impl Log {
         }
     }
 
+    /// Writes a line that even those should see who asked for quiet.
+    pub(super) fn warn(self, warning: impl Display) {
+        let _ = writeln!(io::stderr(), "tamis: warning: {warning}");
+    }
+
     /// A line that redraws itself, for so much work, where one makes sense.
     pub(super) fn bar(self, length: u64) -> Option<ProgressBar> {
         (!self.quiet && io::stderr().is_terminal()).then(|| {

@@ -5,6 +5,7 @@ use clap::{Args, ValueEnum};
 
 use super::backend::BackendArgs;
 use crate::filter::Window;
+use crate::image::exr::Unfinished;
 use crate::plan::{PASSES, Passes};
 use crate::scene::{LoadOptions, Repair};
 
@@ -34,8 +35,10 @@ pub(super) struct Running {
     without: Vec<String>,
 
     /// What becomes of pixels that are NaN, infinite or beyond ±1e18
-    #[arg(long, value_enum, value_name = "HOW", default_value_t = RepairChoice::Median)]
-    repair: RepairChoice,
+    /// [default: median]; if it is asked for, renders that were not finished are read
+    /// as far as they go, too
+    #[arg(long, value_enum, value_name = "HOW")]
+    repair: Option<RepairChoice>,
 
     /// Samples per pixel, for filters that ask [default: what the file says, if it does]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -53,10 +56,14 @@ impl Running {
     /// How scenes are loaded.
     pub(super) fn load_options(&self) -> LoadOptions {
         let repair = match self.repair {
-            RepairChoice::Median => Repair::Median,
-            RepairChoice::None => Repair::None,
-            RepairChoice::Error => Repair::Error,
+            None | Some(RepairChoice::Median) => Repair::Median,
+            Some(RepairChoice::None) => Repair::None,
+            Some(RepairChoice::Error) => Repair::Error,
         };
-        LoadOptions { repair, samples: self.samples, ..LoadOptions::default() }
+        let unfinished = match self.repair {
+            Some(RepairChoice::Median | RepairChoice::None) => Unfinished::Zero,
+            None | Some(RepairChoice::Error) => Unfinished::Refused,
+        };
+        LoadOptions { repair, unfinished, samples: self.samples, ..LoadOptions::default() }
     }
 }

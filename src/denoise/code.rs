@@ -85,6 +85,9 @@ impl<'a> Code<'a> {
             source,
         })?;
         let mut filtered = filtered.into_iter().next().expect("one result for one filter");
+        if let Some(alpha) = scene.alpha() {
+            keep_uncovered(&mut filtered, scene, alpha, rect);
+        }
         if self.strength < 1.0 {
             for (k, pixel) in filtered.pixels.iter_mut().enumerate() {
                 let (x, y) = (rect.x + k % rect.width, rect.y + k / rect.width);
@@ -95,6 +98,19 @@ impl<'a> Code<'a> {
             }
         }
         Ok(filtered)
+    }
+}
+
+/// Gives pixels back their colour that nothing covers: where alpha and colour are zero,
+/// whatever comes from pixels around would shine through when the image is composited.
+fn keep_uncovered(filtered: &mut Filtered, scene: &Scene, alpha: &[f32], rect: Rect) {
+    let width = scene.layout().width();
+    for (k, pixel) in filtered.pixels.iter_mut().enumerate() {
+        let (x, y) = (rect.x + k % rect.width, rect.y + k / rect.width);
+        let is_black = || scene.color().iter().all(|channel| channel.at(x, y) == 0.0);
+        if alpha[y * width + x] == 0.0 && is_black() {
+            *pixel = [0.0; 3];
+        }
     }
 }
 
@@ -121,7 +137,8 @@ pub fn apply(
     let rgb = [0, 1, 2].map(|channel| pixels.iter().map(|c| c[channel]).collect());
     let image = Image::new(scene.name(), whole.width, whole.height, rgb)
         .expect("one colour per pixel of the rectangle")
-        .with_attributes(scene.attributes());
+        .with_attributes(scene.attributes())
+        .with_alpha(scene.alpha().map(<[f32]>::to_vec));
     let Code { planning, compilation, .. } = code;
     Ok((image, Applied { kept, planning, compilation, filtering }))
 }

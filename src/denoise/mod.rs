@@ -9,7 +9,7 @@
 //! use tamis::denoise::{Denoiser, Options};
 //!
 //! let denoised = Denoiser::new(&Interpreter, Options::default()).denoise("noisy.exr".as_ref())?;
-//! denoised.image.save("clean.exr".as_ref())?;
+//! denoised.save("clean.exr".as_ref())?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -19,19 +19,25 @@
 mod choice;
 mod code;
 mod error;
+mod feeds;
 mod parts;
+mod whole;
 
 use std::path::Path;
 
 use crate::backend::Backend;
 use crate::filter::Filter;
 use crate::image::Image;
-use crate::plan::Passes;
-use crate::scene::{LoadOptions, Note, Scene, SpilledScene, Weight};
+use crate::plan::{Passes, Precision};
+use crate::scene::listing::Aux;
+use crate::scene::mapping::Selection;
+use crate::scene::{LoadOptions, Note, Scene, SpilledScene, Target, Weight};
 
 pub use choice::{Chosen, Why};
 pub use code::{Applied, Code, apply};
 pub use error::DenoiseError;
+pub use feeds::Feeds;
+pub use whole::ATTRIBUTE;
 
 /// How images are denoised.
 #[derive(Clone, Debug, Default)]
@@ -44,6 +50,8 @@ pub struct Options {
     pub passes: Passes,
     /// How scenes are loaded.
     pub load: LoadOptions,
+    /// Which pictures of a frame, and what channels are.
+    pub selection: Selection,
     /// How much of the result is taken, between 0 and 1, and how little of the noisy colour;
     /// if nothing is said, all.
     pub strength: Option<f32>,
@@ -59,9 +67,14 @@ pub struct Denoiser<'a> {
 
 /// A frame that was read.
 pub struct Frame {
+    pictures: Vec<Loaded>,
+}
+
+/// A picture that was read.
+struct Loaded {
+    target: Target,
     pixels: Pixels,
-    /// What it will be filtered with.
-    pub chosen: Chosen,
+    chosen: Chosen,
 }
 
 enum Pixels {
@@ -72,6 +85,19 @@ enum Pixels {
 /// A frame that was filtered.
 #[derive(Debug)]
 pub struct Denoised {
+    /// Its pictures, the best one first: mostly one, but as many as it has views and layers
+    /// that are pictures of their own. There is at least one.
+    pub pictures: Vec<Picture>,
+    /// What filtered it, and how accurately.
+    backend: &'static str,
+    precision: Precision,
+}
+
+/// A picture that was filtered.
+#[derive(Debug)]
+pub struct Picture {
+    /// Which picture of the frame it is, and what fed its features.
+    pub target: Target,
     /// The result.
     pub image: Image,
     /// What it was filtered with.
@@ -98,34 +124,48 @@ impl<'a> Denoiser<'a> {
     /// # Errors
     /// If the file cannot be read or lacks what the filter needs, or the back end fails.
     pub fn denoise(&self, path: &Path) -> Result<Denoised, DenoiseError> {
-        self.filter(self.load(path)?)
+        self.filter(self.load(path, &[])?)
     }
 
-    /// Reads a file, with what its filter needs.
+    /// Reads a file, and others beside it with features of their own, with what its filter
+    /// needs.
     ///
     /// # Errors
-    /// If it cannot be read, or not within the memory that there is.
-    pub fn load(&self, path: &Path) -> Result<Frame, DenoiseError> {
-        let chosen = self.choose(path)?;
+    /// If one cannot be read, or not within the memory that there is.
+    pub fn load(&self, path: &Path, aux: &[Aux]) -> Result<Frame, DenoiseError> {
+        let mut selection = self.options.selection.clone();
+        selection.samples = selection.samples.or(self.options.load.samples);
+        let targets = Target::all(path, aux, &selection)?;
+        let share = self.options.max_memory.map(|memory| memory / targets.len() as u64);
+        let pictures = targets.into_iter().map(|target| self.load_picture(target, share));
+        Ok(Frame { pictures: pictures.collect::<Result<_, _>>()? })
+    }
+
+    fn load_picture(
+        &self,
+        target: Target,
+        max_memory: Option<u64>,
+    ) -> Result<Loaded, DenoiseError> {
+        let chosen = self.choose(&target)?;
         let checked = chosen.filter.check().expect("only filters that make sense are chosen");
         let (needs, reach) = (checked.needs(), checked.reach());
         let load = &self.options.load;
-        let spilled = match self.options.max_memory {
+        let spilled = match max_memory {
             None => false,
             Some(max_memory) => {
-                let Weight { in_memory, least } = Weight::of(path, &needs, load)?;
+                let Weight { in_memory, least } = Weight::of(&target, &needs, load)?;
                 if least > max_memory {
-                    let path = path.to_owned();
+                    let path = target.path().to_owned();
                     return Err(DenoiseError::TooLittleMemory { path, max_memory, least });
                 }
                 in_memory > max_memory
             }
         };
         let pixels = match spilled {
-            false => Pixels::InMemory(Box::new(Scene::load(path, &needs, reach, load)?)),
-            true => Pixels::Spilled(Box::new(SpilledScene::load(path, &needs, reach, load)?)),
+            false => Pixels::InMemory(Box::new(Scene::of(&target, &needs, reach, load)?)),
+            true => Pixels::Spilled(Box::new(SpilledScene::load(&target, &needs, reach, load)?)),
         };
-        Ok(Frame { pixels, chosen })
+        Ok(Loaded { target, pixels, chosen })
     }
 
     /// Filters a frame.
@@ -133,7 +173,14 @@ impl<'a> Denoiser<'a> {
     /// # Errors
     /// If it lacks what its filter needs, or the back end fails.
     pub fn filter(&self, frame: Frame) -> Result<Denoised, DenoiseError> {
-        let Frame { pixels, chosen } = frame;
+        let pictures = frame.pictures.into_iter().map(|loaded| self.filter_picture(loaded));
+        let pictures = pictures.collect::<Result<_, _>>()?;
+        let (backend, precision) = (self.backend.name(), self.options.passes.precision);
+        Ok(Denoised { pictures, backend, precision })
+    }
+
+    fn filter_picture(&self, loaded: Loaded) -> Result<Picture, DenoiseError> {
+        let Loaded { target, pixels, chosen } = loaded;
         let filter = &chosen.filter;
         let (passes, strength) = (self.options.passes, self.options.strength.unwrap_or(1.0));
         let (image, applied, notes) = match pixels {
@@ -148,7 +195,16 @@ impl<'a> Denoiser<'a> {
                 (image, applied, scene.notes().to_vec())
             }
         };
-        Ok(Denoised { image, chosen, notes, applied })
+        let window = target.window()?;
+        let image = image.with_channels(target.color_channels()?).with_origin(window.origin);
+        Ok(Picture { target, image, chosen, notes, applied })
+    }
+}
+
+impl Denoised {
+    /// The best picture, or the only one.
+    pub fn image(&self) -> &Image {
+        &self.pictures[0].image
     }
 }
 

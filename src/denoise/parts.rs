@@ -37,6 +37,7 @@ pub(super) fn apply(
     let result = 3 * (layout.pixels() * size_of::<f32>()) as u64;
     let rows = max_memory.saturating_sub(result) / 4 / scene.row_bytes();
     let rows = usize::try_from(rows).unwrap_or(usize::MAX).clamp(SHORTEST, height.max(SHORTEST));
+    let mut alpha: Option<Vec<f32>> = None;
     let mut kept = vec![0; filter.stages.len()];
     for top in (0..height).step_by(rows) {
         let wanted = top..(top + rows).min(height);
@@ -47,6 +48,10 @@ pub(super) fn apply(
         for (kept, more) in kept.iter_mut().zip(filtered.kept) {
             *kept += more;
         }
+        if let Some(part) = part.alpha() {
+            let inside = rect.y * width..(rect.y + rect.height) * width;
+            alpha.get_or_insert_default().extend(&part[inside]);
+        }
         for (channel, samples) in rgb.iter_mut().enumerate() {
             samples.extend(filtered.pixels.iter().map(|color| color[channel]));
         }
@@ -54,7 +59,8 @@ pub(super) fn apply(
     let filtering = start.elapsed();
     let image = Image::new(scene.name(), width, height, rgb)
         .expect("one colour per pixel of every row")
-        .with_attributes(scene.attributes());
+        .with_attributes(scene.attributes())
+        .with_alpha(alpha);
     let Code { planning, compilation, .. } = code;
     Ok((image, Applied { kept, planning, compilation, filtering }))
 }

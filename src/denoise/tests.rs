@@ -26,13 +26,13 @@ fn an_image_that_does_not_fit_in_memory_gets_the_bits_of_one_that_does() {
     let filters = shipped::programs().chain([single, none]);
     for filter in filters {
         let whole = denoised(&filter, None);
-        let pixels = whole.image.size().0 * whole.image.size().1;
+        let pixels = whole.image().size().0 * whole.image().size().1;
         let parts = denoised(&filter, Some(SpilledScene::least(pixels)));
-        assert!(parts.image.rgb() == whole.image.rgb(), "{}", filter.name);
-        assert_eq!(parts.notes, whole.notes);
-        assert_eq!(parts.applied.kept, whole.applied.kept);
+        assert!(parts.image().rgb() == whole.image().rgb(), "{}", filter.name);
+        assert_eq!(parts.pictures[0].notes, whole.pictures[0].notes);
+        assert_eq!(parts.pictures[0].applied.kept, whole.pictures[0].applied.kept);
         if filter.name == "none" {
-            assert!(parts.applied.kept[0] > pixels / 2);
+            assert!(parts.pictures[0].applied.kept[0] > pixels / 2);
         }
     }
 }

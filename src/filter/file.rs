@@ -308,6 +308,14 @@ impl Filter {
         Ok(Self::of_gather(file.name, Gather::of_color(weight, Window { radius, dilation })))
     }
 
+    /// A number that tells filters apart: that of another text is another, but for one pair
+    /// in 2^64. (FNV-1a of the file's text without what it says of its training.)
+    pub fn fingerprint(&self) -> u64 {
+        let text = self.to_toml(toml::Table::new());
+        let step = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        text.bytes().fold(0xcbf2_9ce4_8422_2325, step)
+    }
+
     /// The filter as a file's text, with what is worth knowing of its origin.
     ///
     /// # Panics

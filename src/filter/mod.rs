@@ -268,19 +268,6 @@ impl Filter {
         lacking.collect::<BTreeSet<Feature>>().into_iter().collect()
     }
 
-    /// The features that the filter reads something of that a scene does not provide, and
-    /// that something stands in for: each once, in the feature table's order.
-    ///
-    /// # Panics
-    /// If the filter makes no sense: see [`Filter::check`].
-    pub fn does_without(&self, provides: impl Fn(PlaneId) -> bool) -> Vec<Feature> {
-        let needs = self.check().expect("the filter makes sense").needs();
-        let planes = needs.named().into_iter().flatten();
-        let absent = |feature| self.absent.iter().any(|(absent, _)| *absent == feature);
-        let lacking = planes.filter(|&&plane| absent(plane.feature) && !provides(plane));
-        lacking.map(|plane| plane.feature).collect::<BTreeSet<Feature>>().into_iter().collect()
-    }
-
     /// The gathers, in order.
     pub fn gathers(&self) -> impl Iterator<Item = &Gather> {
         self.stages.iter().filter_map(|stage| match &stage.kind {

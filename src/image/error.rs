@@ -19,8 +19,8 @@ pub enum ImageError {
     },
     /// The file is no OpenEXR file at all.
     #[error(
-        "{path}: not an OpenEXR file (the first four bytes are not 76 2f 31 01); \
-         scenes and images are read from .exr files only",
+        "{path}: not an OpenEXR file (the first four bytes are not 76 2f 31 01), nor PFM, TIFF \
+         or PNG: images are read from these",
         path = path.display()
     )]
     NotExr {
@@ -36,6 +36,16 @@ pub enum ImageError {
         /// The file.
         path: PathBuf,
         /// What contradicts what.
+        detail: String,
+    },
+    /// The file cannot be read as what it begins like.
+    #[error("{path}: it cannot be read as {format}: {detail}", path = path.display())]
+    NotRead {
+        /// The file.
+        path: PathBuf,
+        /// The format.
+        format: &'static str,
+        /// Why not.
         detail: String,
     },
     /// A sound file of a kind that is not read.
@@ -58,23 +68,19 @@ pub enum ImageError {
         /// What the file has, as text.
         present: String,
     },
-    /// Channels that are to be used together differ in size or place.
+    /// A render that was not finished.
     #[error(
-        "{path}: channel \"{first}\" is {first_window} but \"{second}\" is {second_window}; \
-         all channels of a scene must share one data window: render them at one resolution",
+        "{path}: the render was not finished: {missing} of {rows} rows are missing; render it \
+         again, or read what is there with `--repair median`",
         path = path.display()
     )]
-    WindowsDiffer {
+    Unfinished {
         /// The file.
         path: PathBuf,
-        /// One channel.
-        first: String,
-        /// Its data window.
-        first_window: String,
-        /// Another channel.
-        second: String,
-        /// Its data window.
-        second_window: String,
+        /// Rows in which pixels are missing.
+        missing: usize,
+        /// Of how many.
+        rows: usize,
     },
     /// Two images that are to be compared differ in size.
     #[error(

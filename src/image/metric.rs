@@ -234,6 +234,12 @@ pub fn srgb(linear: f64) -> f64 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// The sRGB curve backwards, of values from 0 to 1.
+pub fn linear(encoded: f64) -> f64 {
+    let x = encoded.clamp(0.0, 1.0);
+    if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,20 +6,23 @@
 
 mod error;
 pub mod exr;
+pub mod files;
 pub mod metric;
 mod output;
+pub mod pfm;
 #[cfg(test)]
 pub(crate) mod sample;
 
 use std::path::Path;
 
 pub use error::ImageError;
+pub(crate) use error::listing;
 pub use exr::Attributes;
 pub use metric::{Comparison, Metrics};
 pub use output::write_atomically;
 
 use crate::expr::builder::LIMIT;
-use exr::write_rgb;
+use exr::{Window, write_rgb};
 
 /// Whether a sample can be computed with.
 pub fn is_good(sample: f32) -> bool {
@@ -35,6 +38,10 @@ pub struct Image {
     rgb: [Vec<f32>; 3],
     /// What the file calls the channels.
     channels: [String; 3],
+    /// How much of each pixel is covered, if anybody knows.
+    alpha: Option<Vec<f32>>,
+    /// Where its top left corner is, if anybody knows.
+    origin: Option<(i32, i32)>,
     attributes: Option<Attributes>,
 }
 
@@ -48,6 +55,8 @@ impl Image {
             size: (width, height),
             rgb,
             channels: ["R", "G", "B"].map(str::to_owned),
+            alpha: None,
+            origin: None,
             attributes: None,
         })
     }
@@ -57,6 +66,58 @@ impl Image {
     pub fn with_channels(mut self, channels: [String; 3]) -> Self {
         self.channels = channels;
         self
+    }
+
+    /// The same image with its top left corner at a place.
+    #[must_use]
+    pub fn with_origin(mut self, origin: (i32, i32)) -> Self {
+        self.origin = Some(origin);
+        self
+    }
+
+    /// The same image of which so much of each pixel is covered: colours are premultiplied.
+    ///
+    /// # Panics
+    /// If there is not one sample per pixel.
+    #[must_use]
+    pub fn with_alpha(mut self, alpha: Option<Vec<f32>>) -> Self {
+        let fits = |alpha: &Vec<f32>| alpha.len() == self.size.0 * self.size.1;
+        assert!(alpha.as_ref().is_none_or(fits), "one sample per pixel");
+        self.alpha = alpha;
+        self
+    }
+
+    /// How much of each pixel is covered, if anybody knows.
+    pub fn alpha(&self) -> Option<&[f32]> {
+        self.alpha.as_deref()
+    }
+
+    /// What the file calls the channels.
+    pub fn channels(&self) -> &[String; 3] {
+        &self.channels
+    }
+
+    /// Where its pixels are, if anybody knows.
+    pub fn window(&self) -> Option<Window> {
+        Some(Window { origin: self.origin?, size: self.size })
+    }
+
+    /// The pixels of a window that lies in the image's own.
+    ///
+    /// # Panics
+    /// If it does not, or nobody knows where the image is.
+    #[must_use]
+    pub fn within(&self, window: Window) -> Self {
+        let own = self.window().expect("an image with a place");
+        assert_eq!(own.overlap(&window), Some(window), "a window in the image");
+        let x = window.origin.0.abs_diff(own.origin.0) as usize;
+        let y = window.origin.1.abs_diff(own.origin.1) as usize;
+        let rows = |samples: &Vec<f32>| {
+            let rows = samples.chunks_exact(self.size.0).skip(y).take(window.size.1);
+            rows.flat_map(|row| &row[x..x + window.size.0]).copied().collect()
+        };
+        let (rgb, alpha) = (self.rgb.each_ref().map(rows), self.alpha.as_ref().map(rows));
+        Self { size: window.size, rgb, alpha, origin: Some(window.origin), ..self.clone() }
     }
 
     /// Checks that other images can be measured against this one: a single pixel that is

@@ -11,12 +11,14 @@ pub struct Picture {
     width: usize,
     height: usize,
     pixels: Vec<[u8; 3]>,
+    /// How opaque each pixel is; all of it if nothing is said.
+    alpha: Option<Vec<u8>>,
 }
 
 impl Picture {
     /// A picture of one colour.
     pub fn filled(width: usize, height: usize, color: [u8; 3]) -> Self {
-        Self { width, height, pixels: vec![color; width * height] }
+        Self { width, height, pixels: vec![color; width * height], alpha: None }
     }
 
     /// Tone-maps an image the way PSNR is measured (clamped to [0, 1], sRGB
@@ -27,7 +29,22 @@ impl Picture {
         let [r, g, b] = image.rgb();
         let pixels = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b].map(level)).collect();
         let (width, height) = image.size();
-        Self { width, height, pixels }
+        Self { width, height, pixels, alpha: None }
+    }
+
+    /// The same of an image with alpha: colours are what covers a pixel, and no longer
+    /// premultiplied, as PNG has them.
+    pub fn with_alpha(image: &Image, stops: f32) -> Self {
+        let Some(alpha) = image.alpha() else { return Self::of(image, stops) };
+        let straight = image.rgb().map(|channel| {
+            let pixels = channel.iter().zip(alpha);
+            pixels.map(|(&x, &a)| if a > 0.0 { x / a } else { x }).collect()
+        });
+        let (width, height) = image.size();
+        let straight = Image::new(image.name(), width, height, straight).expect("the same size");
+        // Opaqueness is linear, and no number counts as nothing.
+        let levels = alpha.iter().map(|&a| (255.0 * a).round().clamp(0.0, 255.0) as u8);
+        Self { alpha: Some(levels.collect()), ..Self::of(&straight, stops) }
     }
 
     /// Width and height.
@@ -42,7 +59,7 @@ impl Picture {
         }
     }
 
-    /// Copies another picture in with its top left corner at (x, y).
+    /// Copies another picture, without its alpha, in with its top left corner at (x, y).
     pub fn paste(&mut self, other: &Self, x: usize, y: usize) {
         for (row, line) in other.pixels.chunks_exact(other.width.max(1)).enumerate() {
             for (column, &color) in line.iter().enumerate() {
@@ -58,7 +75,7 @@ impl Picture {
         let (x, y) = (x.min(self.width), y.min(self.height));
         let (width, height) = (width.min(self.width - x), height.min(self.height - y));
         let rows = (y..y + height).map(|row| &self.pixels[row * self.width + x..][..width]);
-        Self { width, height, pixels: rows.flatten().copied().collect() }
+        Self { width, height, pixels: rows.flatten().copied().collect(), alpha: None }
     }
 
     /// Every pixel as a block of `times` x `times`.
@@ -76,14 +93,20 @@ impl Picture {
     pub fn to_png(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
-        encoder.set_color(png::ColorType::Rgb);
+        let color = if self.alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb };
+        encoder.set_color(color);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         encoder.set_compression(png::Compression::High);
         let mut writer = encoder.write_header().expect("memory takes what is written to it");
-        writer
-            .write_image_data(self.pixels.as_flattened())
-            .expect("three bytes per pixel, as the header says");
+        let data = match &self.alpha {
+            None => self.pixels.as_flattened().to_vec(),
+            Some(alpha) => {
+                let pixels = self.pixels.iter().zip(alpha);
+                pixels.flat_map(|(&[r, g, b], &a)| [r, g, b, a]).collect()
+            }
+        };
+        writer.write_image_data(&data).expect("as many bytes per pixel as the header says");
         writer.finish().expect("memory takes what is written to it");
         bytes
     }

@@ -97,6 +97,8 @@ impl Scene {
             layout,
             top: 0,
             color: color.map(|c| Samples::new(layout, &turned(c, gain), Edge::Zero)),
+            // Parts of scenes are learned from, and not composited.
+            alpha: None,
             ones: Samples::new(layout, &vec![1.0; layout.pixels()], Edge::Zero),
             planes,
             facts,

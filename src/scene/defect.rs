@@ -103,6 +103,27 @@ pub fn negative(samples: &[f32], feature: Feature, quantity: Quantity) -> Option
     if signed { None } else { Tally::of(samples, |x| x < 0.0 && is_good(x)) }
 }
 
+/// A normal longer than this is longer than rounding to half floats makes it.
+pub(super) const LONG_NORMAL: f32 = 1.01;
+
+/// Whether normals were stored as colours, (n + 1) / 2: none has a negative component, and
+/// most have length 1 only when they are taken for such.
+pub(super) fn are_encoded(x: &[f32], y: &[f32], z: &[f32]) -> bool {
+    let near = |a: f32, b: f32, c: f32| ((a * a + b * b + c * c).sqrt() - 1.0).abs() < 0.05;
+    let (mut some, mut plain, mut encoded) = (0_usize, 0_usize, 0_usize);
+    for ((&x, &y), &z) in x.iter().zip(y).zip(z) {
+        if x < 0.0 || y < 0.0 || z < 0.0 {
+            return false;
+        }
+        let hit = x + y + z > 0.0;
+        some += usize::from(hit);
+        plain += usize::from(hit && near(x, y, z));
+        let [a, b, c] = [x, y, z].map(|v| 2.0 * v - 1.0);
+        encoded += usize::from(hit && near(a, b, c));
+    }
+    some > 0 && encoded * 10 >= some * 8 && plain * 2 < some
+}
+
 /// Beyond its bounds by no more than this, a sample is there by rounding: half floats have
 /// 11 bits.
 const ROUNDED: f32 = 1.0 / 1024.0;

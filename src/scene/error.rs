@@ -24,6 +24,18 @@ pub enum SceneError {
         /// What the file has, as text.
         present: String,
     },
+    /// A view, a layer or a channel that was asked for is not there.
+    #[error("{path}: there is no {what} \"{name}\" in it; there is: {present}", path = path.display())]
+    NotInFile {
+        /// The file.
+        path: PathBuf,
+        /// What was asked for: a view or a layer.
+        what: &'static str,
+        /// Its name.
+        name: String,
+        /// What there is, as text.
+        present: String,
+    },
     /// A filter reads a feature that the file does not hold.
     #[error(
         "{path}: the filter reads `{term}`, which this file does not provide; \

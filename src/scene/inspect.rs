@@ -5,16 +5,18 @@ use std::path::Path;
 
 use super::SceneError;
 use super::defect::{self, Defect, Tally};
-use super::mapping::Mapping;
+use super::mapping::{Mapping, Selection};
+use super::target::Target;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
-use crate::image::exr::{Channel, Header, Part, read_channels};
+use crate::image::exr::{Channel, Header, Part, Unfinished};
+use crate::image::files::read_channels;
 use crate::image::is_good;
 
 /// A file's channels and their meaning, without a pixel decoded.
 #[derive(Clone, Debug)]
 pub struct Inspection {
-    header: Header,
-    mapping: Mapping,
+    /// The pictures in it, the best one first.
+    targets: Vec<Target>,
     roles: BTreeMap<String, PlaneId>,
 }
 
@@ -24,10 +26,9 @@ impl Inspection {
     /// # Errors
     /// If the file cannot be read.
     pub fn of(path: &Path) -> Result<Self, SceneError> {
-        let header = Header::read(path)?;
-        let mapping = Mapping::of(&header);
+        let targets = Target::all(path, &[], &Selection::default())?;
         let mut roles = BTreeMap::new();
-        for (feature, quantity, source) in mapping.sources() {
+        for (feature, quantity, source) in targets.iter().flat_map(|t| t.mapping().sources()) {
             for (k, channel) in source.channels.iter().enumerate() {
                 let component = match quantity {
                     Quantity::Value => k as u8,
@@ -36,22 +37,27 @@ impl Inspection {
                 roles.insert(channel.clone(), PlaneId { feature, quantity, component });
             }
         }
-        Ok(Self { header, mapping, roles })
+        Ok(Self { targets, roles })
     }
 
     /// Parts, channels, types.
     pub fn header(&self) -> &Header {
-        &self.header
+        self.targets[0].listing().header()
     }
 
-    /// Which channels feed which feature, by whose convention.
+    /// Which channels feed which feature of the first picture, by whose convention.
     pub fn mapping(&self) -> &Mapping {
-        &self.mapping
+        self.targets[0].mapping()
+    }
+
+    /// The pictures in the file.
+    pub fn targets(&self) -> &[Target] {
+        &self.targets
     }
 
     /// Every channel with its part and the plane that it feeds, if any.
     pub fn channels(&self) -> impl Iterator<Item = (&Part, &Channel, Option<PlaneId>)> {
-        self.header.parts().iter().flat_map(|part| {
+        self.header().parts().iter().flat_map(|part| {
             let role = |channel: &Channel| self.roles.get(&channel.name).copied();
             part.channels.iter().map(move |channel| (part, channel, role(channel)))
         })
@@ -60,10 +66,10 @@ impl Inspection {
     /// The features that no channel feeds.
     pub fn absent(&self) -> impl Iterator<Item = Feature> {
         let stored = Feature::ALL.into_iter().filter(|feature| !feature.row().channels.is_empty());
-        stored.filter(|&feature| self.mapping.value(feature).is_none())
+        stored.filter(|&feature| self.mapping().value(feature).is_none())
     }
 
-    /// Decodes every channel, one part at a time (parts may differ in size), and
+    /// Decodes every channel that can be read, one part at a time (parts may differ in size), and
     /// says what is in them and what is wrong with it.
     ///
     /// # Errors
@@ -72,20 +78,25 @@ impl Inspection {
         let mut scans = Scans::default();
         // Fireflies show in a feature's components together.
         let mut values = BTreeMap::new();
-        for part in self.header.parts() {
-            let names: Vec<&str> = part.channels.iter().map(|c| c.name.as_str()).collect();
-            let pixels = read_channels(self.header.path(), &names)?;
+        for part in self.header().parts() {
+            let readable = part.channels.iter().filter(|c| !part.deep && c.sampling == (1, 1));
+            let names: Vec<&str> = readable.map(|c| c.name.as_str()).collect();
+            if names.is_empty() {
+                continue;
+            }
+            let path = self.header().path();
+            let pixels = read_channels(path, &names, None, Unfinished::Zero)?;
             for (name, mut samples) in pixels.channels {
                 let role = self.roles.get(&name).copied();
                 scans.channels.insert(name.clone(), Scan::of(&samples));
-                scans.findings.extend(findings(&name, &mut samples, role, part.size.0));
+                scans.findings.extend(findings(&name, &mut samples, role, part.window.size.0));
                 if role.is_some_and(|plane| plane.quantity == Quantity::Value) {
-                    values.insert(name, (part.size, samples));
+                    values.insert(name, (part.window.size, samples));
                 }
             }
         }
         for feature in Feature::ALL {
-            let Some(source) = self.mapping.value(feature) else { continue };
+            let Some(source) = self.mapping().value(feature) else { continue };
             let mut parts = source.channels.iter().filter_map(|name| values.remove(name));
             let Some((size, first)) = parts.next() else { continue };
             // Components of several sizes are no feature, which loading them will say.

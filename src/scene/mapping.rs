@@ -1,29 +1,35 @@
-//! Which of a file's channels feed which feature.
+//! Which of a frame's channels feed which feature.
 //!
-//! Decided once per file, from names alone, in this order:
+//! Decided once per frame and *target* (a view, or a layer that is a picture of its own, such
+//! as Blender's view layers), from names alone, in this order:
 //!
-//! 1. **Prefixes.** Files put `ViewLayer.`, `beauty.` … before their layers. A
+//! 1. **What somebody says**: `--map`, and files that were named for a feature.
+//! 2. **Prefixes.** Files put `ViewLayer.`, `beauty.` … before their layers. A
 //!    prefix is whatever stands before a layer that some convention knows, with
 //!    all its channels present; no prefix is always among them.
-//! 2. **Convention and prefix** that together explain the most features win; of
+//! 3. **Convention and prefix** that together explain the most features win; of
 //!    equals the earlier row of [`CONVENTIONS`], then no prefix, then the
-//!    file's order. So of several view layers one is used as a whole.
-//! 3. **The winner's names** are taken, best first.
-//! 4. **What is still missing** may come from other conventions' names, in their
+//!    file's order. Every other prefix under which the winner names a colour is a target
+//!    of its own; but where there are bare R, G and B, they are the colour.
+//! 4. **The winner's names** are taken, best first. A name that means different things to
+//!    different renderers counts only if the file has another that the winner alone uses.
+//! 5. **What is still missing** may come from other conventions' names, in their
 //!    order, under the winning prefix or none; but a channel that the winner
 //!    knows the meaning of keeps it. (pbrt's `Variance.R` is not ours.)
-//! 5. **A colour without a known name** is taken from the only RGB triple of the
+//! 6. **A colour without a known name** is taken from the only RGB triple of the
 //!    file, if there is but one.
 
 #[cfg(test)]
 mod tests;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
+use std::fmt;
 
 use super::SceneError;
-use super::naming::{CONVENTIONS, Candidate, Convention, Spread};
+use super::listing::{Entry, Listing};
+use super::naming::{CONVENTIONS, Candidate, Convention, MOMENT, Spread, Way, expand};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
-use crate::image::exr::Header;
+use crate::image::listing;
 
 /// Where a feature's value or variance comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,12 +41,58 @@ pub struct Source {
     /// What the samples are divided by: the samples per pixel for variances of
     /// single samples, else 1.
     pub divisor: f32,
+    /// Whether the samples are second moments, which the square of the value is to be taken
+    /// from first.
+    pub is_moment: bool,
+}
+
+/// What somebody says that a layer is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Said {
+    /// The feature, and its value or variance.
+    pub term: (Feature, Quantity),
+    /// The layer, or the channel of a feature one component wide.
+    pub layer: String,
+}
+
+/// What is mapped, of all that a frame holds.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// This view alone.
+    pub view: Option<String>,
+    /// This layer (Blender's view layer, say) alone.
+    pub layer: Option<String>,
+    /// What layers are.
+    pub said: Vec<Said>,
+    /// Samples per pixel, if somebody says so.
+    pub samples: Option<u32>,
+}
+
+/// Which picture of a frame is meant; nothing if there is but one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Which {
+    /// The view.
+    pub view: Option<String>,
+    /// The layer.
+    pub layer: Option<String>,
+}
+
+impl fmt::Display for Which {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.view, &self.layer) {
+            (Some(view), Some(layer)) => write!(f, "view `{view}`, layer `{layer}`"),
+            (Some(view), None) => write!(f, "view `{view}`"),
+            (None, Some(layer)) => write!(f, "layer `{layer}`"),
+            (None, None) => Ok(()),
+        }
+    }
 }
 
 /// The sources of everything that a file provides.
 #[derive(Clone, Debug)]
 pub struct Mapping {
-    convention: &'static str,
+    which: Which,
+    convention: &'static Convention,
     sources: BTreeMap<(Feature, Quantity), Source>,
     unusable: Vec<Unusable>,
 }
@@ -57,60 +109,220 @@ pub struct Unusable {
 }
 
 impl Mapping {
-    /// Decides what the channels of a file are.
-    pub fn of(header: &Header) -> Self {
-        let index = Index::of(header);
-        let (convention, prefix) = index.best();
-        let mut mapping =
-            Self { convention: convention.name, sources: BTreeMap::new(), unusable: Vec::new() };
-        let mut claimed = HashSet::new();
-        let prefixes = if prefix.is_empty() { vec![""] } else { vec![prefix, ""] };
-        mapping.take(convention, &[prefix], &index, header, &mut claimed);
-        for other in &CONVENTIONS {
-            mapping.take(other, &prefixes, &index, header, &mut claimed);
+    /// Decides what the channels of a frame are, for every target that it holds: the best
+    /// one first. There is at least one.
+    ///
+    /// # Errors
+    /// If a view, a layer or a channel that was asked for is not there.
+    pub fn all(listing: &Listing, selection: &Selection) -> Result<Vec<Self>, SceneError> {
+        let views = listing.views();
+        if let Some(view) = &selection.view
+            && !views.contains(&view.as_str())
+        {
+            return Err(nothing(listing, "view", view, views.iter().map(|v| (*v).to_owned())));
         }
+        let mut all = Vec::new();
+        for (number, &view) in views.iter().enumerate() {
+            if selection.view.as_ref().is_some_and(|wanted| wanted != view) {
+                continue;
+            }
+            let index = Index::of(listing, number);
+            let (convention, best) = index.best();
+            let mut prefixes = vec![best];
+            // Bare channels are what every program shows: where there are some, they are the
+            // picture, and the only one.
+            let others = !index.has(&CONVENTIONS[0], Feature::Color, "");
+            prefixes.extend(index.prefixes.iter().map(String::as_str).filter(|&prefix| {
+                others && prefix != best && index.has(convention, Feature::Color, prefix)
+            }));
+            for prefix in prefixes {
+                let mut mapping = Self::under(convention, prefix, &index, listing, selection)?;
+                let several = index.prefixes.len() > 1;
+                mapping.which = Which {
+                    view: (!view.is_empty()).then(|| view.to_owned()),
+                    layer: index.spelling(prefix).filter(|_| several),
+                };
+                all.push(mapping);
+            }
+        }
+        if let Some(layer) = &selection.layer {
+            let names: Vec<String> =
+                all.iter().filter_map(|mapping| mapping.which.layer.clone()).collect();
+            let is_it = |mapping: &Self| {
+                mapping.which.layer.as_ref().is_some_and(|name| name.eq_ignore_ascii_case(layer))
+            };
+            all.retain(is_it);
+            if all.is_empty() {
+                return Err(nothing(listing, "layer", layer, names.into_iter()));
+            }
+        }
+        // A layer that is nothing but features is no target beside others that are pictures.
+        if all.iter().any(|mapping| mapping.value(Feature::Color).is_some()) {
+            all.retain(|mapping| mapping.value(Feature::Color).is_some());
+        }
+        if let [only] = &mut all[..]
+            && selection.layer.is_none()
+        {
+            only.which.layer = None;
+        }
+        Ok(all)
+    }
+
+    /// The best target of a file, nothing being said.
+    #[cfg(test)]
+    pub(crate) fn of(listing: &Listing) -> Self {
+        let mut all = Self::all(listing, &Selection::default()).expect("nothing is asked for");
+        all.swap_remove(0)
+    }
+
+    fn under(
+        convention: &'static Convention,
+        prefix: &str,
+        index: &Index,
+        listing: &Listing,
+        selection: &Selection,
+    ) -> Result<Self, SceneError> {
+        let mut mapping = Self {
+            which: Which::default(),
+            convention,
+            sources: BTreeMap::new(),
+            unusable: Vec::new(),
+        };
+        let samples = selection.samples.or(listing.header().samples_per_pixel());
+        let mut taking = Taking { index, samples, claimed: HashSet::new() };
+        for said in &selection.said {
+            let channels = index.said(prefix, said).ok_or_else(|| {
+                let present = listing.entries().iter().map(|entry| entry.full.clone());
+                nothing(listing, "layer", &said.layer, present)
+            })?;
+            taking.claimed.extend(channels.iter().cloned());
+            mapping.sources.insert(said.term, Source::of(channels, "as you say"));
+        }
+        mapping.take_files(listing, &mut taking)?;
+        let bare = ["r", "g", "b"].map(str::to_owned).to_vec();
+        if !prefix.is_empty()
+            && mapping.value(Feature::Color).is_none()
+            && let Some(channels) = index.find("", &bare)
+        {
+            taking.claimed.extend(channels.iter().cloned());
+            let source = Source::of(channels, convention.name);
+            mapping.sources.insert((Feature::Color, Quantity::Value), source);
+        }
+        let prefixes = if prefix.is_empty() { vec![""] } else { vec![prefix, ""] };
+        mapping.take(convention, &[prefix], &mut taking);
+        for other in &CONVENTIONS {
+            mapping.take(other, &prefixes, &mut taking);
+        }
+        mapping.take_moments(listing, &mut taking);
         let Self { sources, unusable, .. } = &mut mapping;
         unusable.retain(|v| !sources.contains_key(&(v.feature, Quantity::Variance)));
         if let Some(channels) = index.only_triple()
             && mapping.value(Feature::Color).is_none()
-            && channels.iter().all(|channel| !claimed.contains(channel))
+            && channels.iter().all(|channel| !taking.claimed.contains(channel))
         {
-            let source = Source { channels, convention: "the only RGB layer", divisor: 1.0 };
+            let source = Source::of(channels, "the only RGB layer");
             mapping.sources.insert((Feature::Color, Quantity::Value), source);
         }
-        mapping
+        Ok(mapping)
+    }
+
+    /// Takes features from files that were named for them.
+    fn take_files(&mut self, listing: &Listing, taking: &mut Taking) -> Result<(), SceneError> {
+        for feature in Feature::ALL {
+            let said: Vec<&Entry> =
+                listing.entries().iter().filter(|entry| entry.said == Some(feature)).collect();
+            if said.is_empty() {
+                continue;
+            }
+            let channel = |suffixes: &[&str]| {
+                suffixes
+                    .iter()
+                    .map(|suffix| {
+                        let end = format!(".{suffix}");
+                        said.iter()
+                            .find(|entry| entry.layer.ends_with(&end) || entry.layer == *suffix)
+                    })
+                    .collect::<Option<Vec<_>>>()
+            };
+            let wide: &[&[&str]] = &[&["r", "g", "b"], &["x", "y", "z"]];
+            let single: &[&[&str]] = &[&["z"], &["v"], &["y"], &["t"], &["r"]];
+            let ways = if feature.width() == 3 { wide } else { single };
+            let found = ways.iter().find_map(|way| channel(way));
+            let channels: Vec<String> = match found {
+                Some(entries) => entries.iter().map(|entry| entry.full.clone()).collect(),
+                None if said.len() == feature.width() => {
+                    said.iter().map(|entry| entry.full.clone()).collect()
+                }
+                None => {
+                    let present = said.iter().map(|entry| entry.full.clone());
+                    return Err(nothing(listing, "layer", feature.row().title, present));
+                }
+            };
+            taking.claimed.extend(channels.iter().cloned());
+            let source = Source::of(channels, "a file of its own");
+            self.sources.insert((feature, Quantity::Value), source);
+        }
+        Ok(())
     }
 
     /// Fills gaps from one convention's names.
-    fn take(
-        &mut self,
-        convention: &'static Convention,
-        prefixes: &[&str],
-        index: &Index,
-        header: &Header,
-        claimed: &mut HashSet<String>,
-    ) {
-        let free = |candidate: &Candidate, claimed: &HashSet<String>| {
-            let mut found = prefixes.iter().filter_map(|prefix| index.find(prefix, candidate));
-            found.find(|channels| channels.iter().all(|channel| !claimed.contains(channel)))
+    fn take(&mut self, convention: &'static Convention, prefixes: &[&str], taking: &mut Taking) {
+        let is_certain = std::ptr::eq(convention, self.convention)
+            && prefixes.iter().any(|prefix| taking.index.has_own_name(convention, prefix));
+        let free = |way: &Way, taking: &Taking| {
+            if way.is_ambiguous && !is_certain {
+                return None;
+            }
+            let mut found =
+                prefixes.iter().filter_map(|prefix| taking.index.find(prefix, &way.channels));
+            found.find(|channels| channels.iter().all(|name| !taking.claimed.contains(name)))
         };
         for feature in Feature::ALL {
             if self.value(feature).is_some() {
                 continue;
             }
             let ways = convention.value(feature);
-            if let Some(channels) = ways.iter().find_map(|way| free(way, claimed)) {
-                claimed.extend(channels.iter().cloned());
-                let source = Source { channels, convention: convention.name, divisor: 1.0 };
+            if let Some(channels) = ways.iter().find_map(|way| free(way, taking)) {
+                taking.claimed.extend(channels.iter().cloned());
+                let source = Source::of(channels, convention.name);
                 self.sources.insert((feature, Quantity::Value), source);
             }
         }
         for feature in Feature::ALL {
-            for (way, spread) in convention.variance(feature) {
-                let Some(channels) = free(&way, claimed) else { continue };
-                claimed.extend(channels.iter().cloned());
-                self.take_variance(convention, feature, channels, spread, header);
+            for way in convention.variance(feature) {
+                let Some(channels) = free(&way, taking) else { continue };
+                taking.claimed.extend(channels.iter().cloned());
+                self.take_variance(convention, feature, channels, way.spread, taking.samples);
             }
+        }
+    }
+
+    /// Takes variances from second moments of what was found.
+    fn take_moments(&mut self, listing: &Listing, taking: &mut Taking) {
+        for feature in Feature::ALL {
+            let Some(value) = self.value(feature) else { continue };
+            let moments = value.channels.iter().map(|name| {
+                let entry = listing.entries().iter().find(|entry| entry.full == *name)?;
+                let moment = vec![format!("{MOMENT}{}", entry.layer)];
+                taking.index.find("", &moment)?.pop()
+            });
+            let Some(channels) = moments.collect::<Option<Vec<String>>>() else { continue };
+            taking.claimed.extend(channels.iter().cloned());
+            let reason = match taking.samples {
+                Some(samples) if samples > 1 => {
+                    let divisor = (samples - 1) as f32;
+                    let source = Source::of(channels, "second moments");
+                    let source = Source { divisor, is_moment: true, ..source };
+                    self.sources.entry((feature, Quantity::Variance)).or_insert(source);
+                    continue;
+                }
+                Some(_) => "one sample has no variance",
+                None => {
+                    "they are means of squares, and the file does not say how many samples a \
+                     pixel has: `--samples` does"
+                }
+            };
+            self.unusable.push(Unusable { feature, channels, reason });
         }
     }
 
@@ -120,29 +332,39 @@ impl Mapping {
         feature: Feature,
         channels: Vec<String>,
         spread: Spread,
-        header: &Header,
+        samples: Option<u32>,
     ) {
-        let divisor = match (spread, header.samples_per_pixel()) {
+        let divisor = match (spread, samples) {
             (Spread::OfMean, _) => Ok(1.0),
-            (Spread::PerSample, Some(spp)) => Ok(spp as f32),
+            (Spread::PerSample, Some(samples)) => Ok(samples as f32),
             (Spread::PerSample, None) => {
-                Err("it is the variance of one sample, and the file does \
-                 not say how many samples a pixel has")
+                Err("it is that of one sample, and the file does not say how many samples a \
+                     pixel has: `--samples` does")
             }
             (Spread::Unclear, _) => Err("the renderer does not say what it is the variance of"),
         };
         match divisor {
             Ok(divisor) => {
-                let source = Source { channels, convention: convention.name, divisor };
+                let source = Source { divisor, ..Source::of(channels, convention.name) };
                 self.sources.entry((feature, Quantity::Variance)).or_insert(source);
             }
             Err(reason) => self.unusable.push(Unusable { feature, channels, reason }),
         }
     }
 
+    /// Which picture of the frame it is of.
+    pub fn which(&self) -> &Which {
+        &self.which
+    }
+
+    /// What a user switches on in the renderer for more features; nothing if nobody knows.
+    pub fn switches(&self) -> &'static str {
+        self.convention.switches
+    }
+
     /// The convention that explains the file best.
     pub fn convention(&self) -> &'static str {
-        self.convention
+        self.convention.name
     }
 
     /// Where a feature's value comes from, if the file holds it.
@@ -180,13 +402,46 @@ impl Mapping {
     ///
     /// # Errors
     /// If the file has none.
-    pub fn color(&self, header: &Header) -> Result<&Source, SceneError> {
+    pub fn color(&self, listing: &Listing) -> Result<&Source, SceneError> {
         self.value(Feature::Color).ok_or_else(|| SceneError::MissingColor {
-            path: header.path().to_owned(),
+            path: listing.path().to_owned(),
             looked_for: looked_for(Feature::Color),
-            present: header.listing(),
+            present: listing.listing(),
         })
     }
+}
+
+impl Source {
+    fn of(channels: Vec<String>, convention: &'static str) -> Self {
+        Self { channels, convention, divisor: 1.0, is_moment: false }
+    }
+}
+
+/// The error for what was asked for and is not there.
+fn nothing(
+    files: &Listing,
+    what: &'static str,
+    name: &str,
+    present: impl Iterator<Item = String>,
+) -> SceneError {
+    let mut present: Vec<String> = present.filter(|name| !name.is_empty()).collect();
+    present.dedup();
+    SceneError::NotInFile {
+        path: files.path().to_owned(),
+        what,
+        name: name.to_owned(),
+        present: match present.is_empty() {
+            true => "none by name".to_owned(),
+            false => listing(present.iter().map(String::as_str)),
+        },
+    }
+}
+
+/// What is known while channels are taken.
+struct Taking<'a> {
+    index: &'a Index<'a>,
+    samples: Option<u32>,
+    claimed: HashSet<String>,
 }
 
 /// Every name that a feature would have been taken from, as text.
@@ -198,34 +453,34 @@ pub(super) fn looked_for(feature: Feature) -> String {
     rows.collect::<Vec<_>>().join("; ")
 }
 
-/// A file's names, ready to be looked up without regard to case.
+/// The layers' names of a view, ready to be looked up without regard to case.
 struct Index<'a> {
-    /// Lower case to the file's spelling; of duplicates the first.
-    names: HashMap<String, &'a str>,
+    /// Layer's name to full name; of duplicates the first.
+    names: HashMap<&'a str, &'a str>,
     /// In lower case, the empty one first, then in the file's order.
     prefixes: Vec<String>,
 }
 
 impl<'a> Index<'a> {
-    fn of(header: &'a Header) -> Self {
+    fn of(listing: &'a Listing, view: usize) -> Self {
+        let entries = || listing.entries().iter().filter(|entry| entry.view == view);
         let mut names = HashMap::new();
-        let mut order = Vec::new();
-        for name in header.names() {
-            let lower = name.to_lowercase();
-            order.push(lower.clone());
-            names.entry(lower).or_insert(name);
+        for entry in entries().filter(|entry| entry.said.is_none()) {
+            names.entry(entry.layer.as_str()).or_insert(entry.full.as_str());
         }
         let mut index = Self { names, prefixes: vec![String::new()] };
         let ways: Vec<Candidate> = CONVENTIONS
             .iter()
             .flat_map(|row| Feature::ALL.into_iter().flat_map(|feature| row.value(feature)))
+            .map(|way| way.channels)
             // A bare name stands after any dot: it says nothing about prefixes.
             .filter(|way| way[0].contains('.'))
             .collect();
-        for name in &order {
+        for entry in entries() {
             for way in &ways {
-                if let Some(prefix) = name.strip_suffix(way[0].as_str())
+                if let Some(prefix) = entry.layer.strip_suffix(way[0].as_str())
                     && prefix.ends_with('.')
+                    && !prefix.starts_with(MOMENT)
                     && index.find(prefix, way).is_some()
                     && !index.prefixes.iter().any(|known| known == prefix)
                 {
@@ -236,10 +491,32 @@ impl<'a> Index<'a> {
         index
     }
 
-    /// The file's spelling of a candidate's channels, if it has all of them.
+    /// The full names of a candidate's channels, if all of them are there.
     fn find(&self, prefix: &str, candidate: &Candidate) -> Option<Vec<String>> {
-        let spelled = |name: &String| self.names.get(&format!("{prefix}{name}"));
+        // A Z beside X and Y is no depth.
+        if let [name] = candidate.as_slice()
+            && let Some(layer) = format!("{prefix}{name}").strip_suffix('z')
+            && (layer.is_empty() || layer.ends_with('.'))
+            && ["x", "y"].iter().all(|c| self.names.contains_key(format!("{layer}{c}").as_str()))
+        {
+            return None;
+        }
+        let spelled = |name: &String| self.names.get(format!("{prefix}{name}").as_str());
         candidate.iter().map(|name| spelled(name).map(|&name| name.to_owned())).collect()
+    }
+
+    fn has(&self, convention: &Convention, feature: Feature, prefix: &str) -> bool {
+        let certain = convention.value(feature).into_iter().filter(|way| !way.is_ambiguous);
+        certain.into_iter().any(|way| self.find(prefix, &way.channels).is_some())
+    }
+
+    /// Whether the file has a name under this prefix that no other convention has.
+    fn has_own_name(&self, convention: &Convention, prefix: &str) -> bool {
+        Feature::ALL.into_iter().any(|feature| {
+            let ways = convention.value(feature).into_iter();
+            let mut found = ways.filter(|way| self.find(prefix, &way.channels).is_some());
+            found.any(|way| convention.has_alone(&way, feature))
+        })
     }
 
     /// The convention and prefix that explain the most features.
@@ -248,9 +525,7 @@ impl<'a> Index<'a> {
         let mut most = 0;
         for convention in &CONVENTIONS {
             for prefix in &self.prefixes {
-                let known = |feature: &Feature| {
-                    convention.value(*feature).iter().any(|way| self.find(prefix, way).is_some())
-                };
+                let known = |feature: &Feature| self.has(convention, *feature, prefix);
                 let count = Feature::ALL.iter().filter(|feature| known(feature)).count();
                 if count > most {
                     (best, most) = ((convention, prefix.as_str()), count);
@@ -258,6 +533,26 @@ impl<'a> Index<'a> {
             }
         }
         best
+    }
+
+    /// The channels of what somebody says, under a prefix or none.
+    fn said(&self, prefix: &str, said: &Said) -> Option<Vec<String>> {
+        let (feature, quantity) = said.term;
+        let layer = said.layer.to_lowercase();
+        let mut ways = expand(&layer, feature.width());
+        if quantity == Quantity::Variance || feature == Feature::Color {
+            ways.extend(expand(&layer, 1));
+        }
+        ways.iter().find_map(|way| self.find(prefix, way).or_else(|| self.find("", way)))
+    }
+
+    /// A prefix as the file spells it, without its last dot; nothing if it is empty.
+    fn spelling(&self, prefix: &str) -> Option<String> {
+        let length = prefix.strip_suffix('.')?.len();
+        let (layer, full) = self.names.iter().find(|(layer, _)| layer.starts_with(prefix))?;
+        // A full name that lost its view on the way is told in lower case.
+        let is_same = full.len() == layer.len() && full.is_char_boundary(length);
+        Some(if is_same { full[..length].to_owned() } else { layer[..length].to_owned() })
     }
 
     /// The file's only channels called R, G and B, under whatever prefix.

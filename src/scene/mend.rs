@@ -63,6 +63,9 @@ impl Mender<'_> {
             let notes = found.map(|found| Note::FarDepth { count: found.count });
             findings.kinds[Findings::FAR].extend(notes);
         }
+        if (feature, quantity) == (Feature::Normal, Quantity::Value) {
+            findings.kinds[Findings::BOUNDED].extend(unit_normals(components));
+        }
         findings.kinds[Findings::FOUND] = self.kept(feature, quantity, components);
         findings.kinds[Findings::REPAIRED] = self.repaired(feature, quantity, components)?;
         findings.kinds[Findings::BOUNDED].extend(bounded(feature, quantity, components));
@@ -114,11 +117,39 @@ impl Mender<'_> {
     }
 
     fn path(&self) -> PathBuf {
-        match &self.origin.file {
-            Some((header, _)) => header.path().to_owned(),
+        match &self.origin.target {
+            Some(target) => target.path().to_owned(),
             None => self.name.into(),
         }
     }
+}
+
+/// Normals as directions: those that were stored as colours are brought back from [0, 1], and
+/// what is longer than 1 is shortened. (Shorter ones are means of several: antialiased, or out
+/// of focus.)
+fn unit_normals(components: &mut [Vec<f32>]) -> Vec<Note> {
+    let mut notes = Vec::new();
+    let [x, y, z] = components else { return notes };
+    if defect::are_encoded(x, y, z) {
+        for samples in [&mut *x, &mut *y, &mut *z] {
+            samples.iter_mut().for_each(|sample| *sample = 2.0 * *sample - 1.0);
+        }
+        notes.push(Note::EncodedNormals);
+    }
+    let mut count = 0;
+    for ((x, y), z) in x.iter_mut().zip(y).zip(z) {
+        let length = (*x * *x + *y * *y + *z * *z).sqrt();
+        if length.is_finite() && length > defect::LONG_NORMAL {
+            count += 1;
+            for component in [x, y, z] {
+                *component /= length;
+            }
+        }
+    }
+    if count > 0 {
+        notes.push(Note::LongNormals { count });
+    }
+    notes
 }
 
 /// Brings a feature that has bounds into them: what is derived from it follows.

@@ -24,6 +24,7 @@ mod error;
 pub mod facts;
 mod folder;
 pub mod inspect;
+pub mod listing;
 pub mod mapping;
 mod mend;
 pub mod naming;
@@ -37,6 +38,7 @@ mod raw;
 pub mod repair;
 mod scratch;
 mod spill;
+mod target;
 #[cfg(test)]
 mod tests;
 
@@ -56,8 +58,10 @@ pub use prepare::MOST_SAMPLES;
 pub use raw::RawScene;
 pub use repair::Repair;
 pub use spill::{SpilledScene, Weight};
+pub use target::Target;
 
 use crate::expr::feature::PlaneId;
+use crate::image::exr::Unfinished;
 use crate::image::{Attributes, Image};
 use raw::Origin;
 
@@ -71,6 +75,8 @@ pub struct LoadOptions {
     /// How many samples each pixel is the mean of, for filters that ask; if nothing is said,
     /// what the file says.
     pub samples: Option<u32>,
+    /// What becomes of renders that were not finished.
+    pub unfinished: Unfinished,
 }
 
 /// A noisy image with its features, ready to be filtered.
@@ -80,6 +86,8 @@ pub struct Scene {
     layout: Layout,
     top: usize,
     color: [Samples; 3],
+    /// Without padding.
+    alpha: Option<Vec<f32>>,
     ones: Samples,
     planes: BTreeMap<PlaneId, Plane>,
     /// What is known of each of `planes`: found once, as every run of a plan asks.
@@ -104,7 +112,20 @@ impl Scene {
         pad: usize,
         options: &LoadOptions,
     ) -> Result<Self, SceneError> {
-        RawScene::read(path, needs, options)?.prepare(needs, pad, options)
+        Self::of(&Target::known(path, options.samples)?, needs, pad, options)
+    }
+
+    /// Loads the scene of a target.
+    ///
+    /// # Errors
+    /// Those of [`Scene::load`].
+    pub fn of(
+        target: &Target,
+        needs: &Needs,
+        pad: usize,
+        options: &LoadOptions,
+    ) -> Result<Self, SceneError> {
+        RawScene::of(target, needs, options)?.prepare(needs, pad, options)
     }
 
     /// What reports call it.
@@ -126,6 +147,11 @@ impl Scene {
     /// is averaged. Zero in the padding.
     pub fn color(&self) -> &[Samples; 3] {
         &self.color
+    }
+
+    /// How much of each pixel is covered, row by row without padding, where the file says so.
+    pub fn alpha(&self) -> Option<&[f32]> {
+        self.alpha.as_deref()
     }
 
     /// 1 inside the image, 0 in the padding: summed with the weights of taps

@@ -86,7 +86,8 @@ impl Needs {
             if self.wants(feature, Quantity::Variance) {
                 let follows =
                     feature == Feature::DirIllumination && color_scale == ColorScale::Compressed;
-                if mapping.variance(feature).is_none() || follows {
+                let is_moment = mapping.variance(feature).is_some_and(|source| source.is_moment);
+                if mapping.variance(feature).is_none() || follows || is_moment {
                     stored.insert((feature, Quantity::Value));
                 }
                 stored.insert((feature, Quantity::Variance));

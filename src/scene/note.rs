@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::expr::feature::{Feature, Quantity};
+use crate::image::exr::Window;
 
 /// Something about a scene that its file does not say or does not say well.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,15 +64,45 @@ pub enum Note {
         /// How many pixels.
         count: usize,
     },
-    /// A feature was recognised by a name of another convention than the file's.
-    Borrowed {
+    /// A feature has another data window than the colour: outside of it, it counts as 0.
+    Uncovered {
         /// Which.
         feature: Feature,
-        /// The channels.
-        channels: Vec<String>,
-        /// Whose names they are.
-        convention: &'static str,
+        /// Its window.
+        window: Window,
+        /// Pixels of the colour that are not in it.
+        count: usize,
     },
+    /// The render was not finished: what is missing counts as 0.
+    Unfinished {
+        /// Rows in which a pixel is missing, of all parts that were read.
+        rows: usize,
+    },
+    /// Normals were stored as colours, between 0 and 1.
+    EncodedNormals,
+    /// Normals were longer than 1.
+    LongNormals {
+        /// How many.
+        count: usize,
+    },
+}
+
+impl Note {
+    /// Whether it tells of a loss that even those should hear of who want to hear nothing.
+    pub fn is_warning(&self) -> bool {
+        match self {
+            Self::Repaired { .. } | Self::LeftBad { .. } | Self::Unfinished { .. } => true,
+            Self::Negative { .. }
+            | Self::Bounded { .. }
+            | Self::Fireflies { .. }
+            | Self::EstimatedVariance(_)
+            | Self::UnusableVariance { .. }
+            | Self::FarDepth { .. }
+            | Self::Uncovered { .. }
+            | Self::EncodedNormals
+            | Self::LongNormals { .. } => false,
+        }
+    }
 }
 
 impl fmt::Display for Note {
@@ -120,12 +151,20 @@ impl fmt::Display for Note {
                     "depth: {count} pixel(s) so far away that nothing was hit there, set to 0"
                 )
             }
-            Self::Borrowed { feature, channels, convention } => write!(
+            Self::Uncovered { feature, window, count } => write!(
                 f,
-                "{}: taken from {} ({convention})",
-                feature.row().name,
-                channels.join(", ")
+                "{}: its data window is {window}; {count} pixel(s) outside of it count as 0",
+                feature.row().title
             ),
+            Self::Unfinished { rows } => {
+                write!(f, "the render was not finished: {rows} row(s) are missing, and count as 0")
+            }
+            Self::EncodedNormals => {
+                f.write_str("normals: between 0 and 1 in the file, brought to -1 to 1")
+            }
+            Self::LongNormals { count } => {
+                write!(f, "normals: {count} pixel(s) longer than 1, brought to 1")
+            }
         }
     }
 }

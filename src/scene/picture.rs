@@ -3,9 +3,12 @@
 use std::path::Path;
 
 use super::SceneError;
-use super::mapping::Mapping;
+use super::raw::RawScene;
+use super::target::Target;
+use super::{LoadOptions, Needs};
+use crate::expr::feature::{Feature, Quantity};
 use crate::image::Image;
-use crate::image::exr::{Header, read_channels};
+use crate::image::files::Format;
 
 /// Reads the colour of a file (bare `R G B` or what its renderer calls the image), and no
 /// other channel. Samples are taken as they are.
@@ -13,19 +16,19 @@ use crate::image::exr::{Header, read_channels};
 /// # Errors
 /// If the file cannot be read or has no colour.
 pub fn load_image(path: &Path) -> Result<Image, SceneError> {
-    let header = Header::read(path)?;
-    let mapping = Mapping::of(&header);
-    let names = &mapping.color(&header)?.channels;
-    let mut pixels = read_channels(path, names)?;
-    let mut next = names
-        .iter()
-        .map(|name| pixels.channels.remove(name).expect("read_channels returns what was wanted"));
-    let rgb = std::array::from_fn(|_| next.next().expect("a colour has three channels"));
-    drop(next);
-    let image = Image::new(&path.display().to_string(), pixels.width, pixels.height, rgb)
+    let target = Target::of(path)?;
+    let raw = RawScene::of(&target, &Needs::nothing(), &LoadOptions::default())?;
+    let window = target.window()?;
+    let has_place = target.listing().header().format() == Format::Exr;
+    let channels = target.color_channels()?;
+    let attributes = raw.origin.attributes;
+    let mut features = raw.features;
+    let color = features.remove(&(Feature::Color, Quantity::Value));
+    let rgb = color.and_then(|color| color.try_into().ok()).expect("a colour has three channels");
+    let image = Image::new(&path.display().to_string(), raw.width, raw.height, rgb)
         .expect("a file has one sample per pixel and channel");
-    let channels = std::array::from_fn(|k| names[k].clone());
-    Ok(image.with_channels(channels).with_attributes(Some(&pixels.attributes)))
+    let image = image.with_channels(channels).with_attributes(attributes.as_ref());
+    Ok(if has_place { image.with_origin(window.origin) } else { image })
 }
 
 /// Reads an image that others are to be measured against, as [`load_image`] does.

@@ -94,6 +94,7 @@ impl RawScene {
             layout,
             top: 0,
             color,
+            alpha: self.alpha,
             ones,
             planes,
             facts: Facts::from_planes(facts),

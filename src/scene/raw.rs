@@ -11,9 +11,12 @@ use std::path::Path;
 use super::mapping::{Mapping, Source, looked_for};
 use super::needs::Needs;
 use super::note::Note;
+use super::target::{Read, Target};
 use super::{LoadOptions, SceneError};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
-use crate::image::exr::{Attributes, Header, read_channels};
+use crate::image::Attributes;
+use crate::image::exr::Memory;
+use crate::image::metric::linear;
 
 /// Features in the renderer's units, row by row without padding.
 #[derive(Clone, Debug)]
@@ -29,6 +32,8 @@ pub struct RawScene {
     pub features: BTreeMap<(Feature, Quantity), Vec<Vec<f32>>>,
     /// Samples per pixel, where the file says so.
     pub samples: Option<u32>,
+    /// How much of each pixel is covered, where the file says so.
+    pub alpha: Option<Vec<f32>>,
     pub(super) notes: Vec<Note>,
     pub(super) origin: Origin,
 }
@@ -36,7 +41,7 @@ pub struct RawScene {
 /// The file that a scene comes from, if any.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Origin {
-    pub(super) file: Option<(Header, Mapping)>,
+    pub(super) target: Option<Target>,
     pub(super) attributes: Option<Attributes>,
 }
 
@@ -49,6 +54,7 @@ impl RawScene {
             height,
             features: BTreeMap::from([((Feature::Color, Quantity::Value), color.into())]),
             samples: None,
+            alpha: None,
             notes: Vec::new(),
             origin: Origin::default(),
         }
@@ -67,82 +73,103 @@ impl RawScene {
     /// If the file cannot be read or has no colour. That a needed feature is
     /// missing is no error yet: see [`Scene::require`](super::Scene::require).
     pub fn read(path: &Path, needs: &Needs, options: &LoadOptions) -> Result<Self, SceneError> {
-        let Request { header, mapping, sources } = Request::of(path, needs, options)?;
-        let wanted: Vec<&str> = Request::channels(&sources).collect();
-        let mut pixels = read_channels(path, &wanted)?;
-        let mut features = BTreeMap::new();
+        Self::of(&Target::known(path, options.samples)?, needs, options)
+    }
+
+    /// The same of a target.
+    ///
+    /// # Errors
+    /// Those of [`RawScene::read`].
+    pub fn of(target: &Target, needs: &Needs, options: &LoadOptions) -> Result<Self, SceneError> {
+        let sources = sources(target, needs, options)?;
+        let mut memory = Memory::of(target.path());
+        let read = target.decode(&sources, options.unfinished, &mut memory)?;
+        let mut planes = memory.into_planes().into_iter();
+        let mut features: BTreeMap<(Feature, Quantity), Vec<Vec<f32>>> = BTreeMap::new();
         for (key, source) in &sources {
-            let components = source.channels.iter().map(|name| {
-                let mut samples =
-                    pixels.channels.remove(name).expect("a channel feeds one feature only");
-                source.divide(&mut samples);
-                samples
-            });
-            features.insert(*key, components.collect::<Vec<_>>());
+            let components = planes.by_ref().take(source.channels.len());
+            features.insert(*key, components.collect());
+        }
+        let alpha = planes.next();
+        for (key, source) in &sources {
+            let mut components = features.remove(key).expect("it was just put there");
+            let value = features.get(&(key.0, Quantity::Value)).map(Vec::as_slice);
+            source.convert(target, *key, &mut components, value);
+            features.insert(*key, components);
         }
         Ok(Self {
-            name: super::folder::scene_name(path),
-            width: pixels.width,
-            height: pixels.height,
+            name: super::folder::scene_name(target.path()),
+            width: read.window.size.0,
+            height: read.window.size.1,
             features,
-            samples: header.samples_per_pixel(),
-            notes: notes(&mapping, needs),
-            origin: Origin { attributes: Some(pixels.attributes), file: Some((header, mapping)) },
+            alpha,
+            samples: target.listing().header().samples_per_pixel(),
+            notes: notes(target, &sources, needs, &read),
+            origin: Origin { attributes: read.attributes, target: Some(target.clone()) },
         })
     }
 }
 
-/// What is to be read of a file.
-pub(super) struct Request {
-    pub(super) header: Header,
-    pub(super) mapping: Mapping,
-    /// The quantities, and the channels that each comes from.
-    pub(super) sources: Vec<((Feature, Quantity), Source)>,
-}
+/// A quantity, and the channels that feed it.
+pub(super) type Fed = ((Feature, Quantity), Source);
 
-impl Request {
-    /// What `needs` come from.
-    pub(super) fn of(
-        path: &Path,
-        needs: &Needs,
-        options: &LoadOptions,
-    ) -> Result<Self, SceneError> {
-        let header = Header::read(path)?;
-        let mapping = Mapping::of(&header);
-        mapping.color(&header)?;
-        let stored = needs.stored(&mapping, options.color_scale);
-        let sources = mapping.sources().filter(|&(f, q, _)| stored.contains(&(f, q)));
-        let sources = sources.map(|(f, q, source)| ((f, q), source.clone())).collect();
-        Ok(Self { header, mapping, sources })
-    }
-
-    /// The channels' full names.
-    pub(super) fn channels(
-        sources: &[((Feature, Quantity), Source)],
-    ) -> impl Iterator<Item = &str> {
-        sources.iter().flat_map(|(_, source)| &source.channels).map(String::as_str)
-    }
+/// What `needs` come from: the quantities, and the channels of each; the colour first, and
+/// values before variances.
+pub(super) fn sources(
+    target: &Target,
+    needs: &Needs,
+    options: &LoadOptions,
+) -> Result<Vec<Fed>, SceneError> {
+    let mapping = target.mapping();
+    mapping.color(target.listing())?;
+    let stored = needs.stored(mapping, options.color_scale);
+    let sources = mapping.sources().filter(|&(f, q, _)| stored.contains(&(f, q)));
+    let mut sources: Vec<_> = sources.map(|(f, q, source)| ((f, q), source.clone())).collect();
+    sources.sort_by_key(|&((feature, quantity), _)| {
+        (quantity == Quantity::Variance, feature != Feature::Color)
+    });
+    Ok(sources)
 }
 
 impl Source {
-    /// Brings samples of the file into the unit of the feature.
-    pub(super) fn divide(&self, samples: &mut [f32]) {
+    /// Brings samples of the file into the unit of the feature, with its value at hand.
+    pub(super) fn convert(
+        &self,
+        target: &Target,
+        (feature, quantity): (Feature, Quantity),
+        components: &mut Vec<Vec<f32>>,
+        value: Option<&[Vec<f32>]>,
+    ) {
+        let is_light =
+            !matches!(feature, Feature::Normal | Feature::Depth | Feature::WorldPosition);
+        let is_encoded =
+            self.channels.first().is_some_and(|channel| target.listing().is_encoded(channel));
+        if quantity == Quantity::Value && is_light && is_encoded {
+            for samples in components.iter_mut() {
+                samples.iter_mut().for_each(|x| *x = linear(f64::from(*x)) as f32);
+            }
+        }
+        if self.is_moment {
+            for (samples, value) in components.iter_mut().zip(value.unwrap_or_default()) {
+                for (x, &mean) in samples.iter_mut().zip(value) {
+                    // Rounding makes it a little less than nothing.
+                    *x = (*x - mean * mean).max(0.0);
+                }
+            }
+        }
         if self.divisor != 1.0 {
-            samples.iter_mut().for_each(|sample| *sample /= self.divisor);
+            components.iter_mut().flatten().for_each(|sample| *sample /= self.divisor);
+        }
+        // A grey image is one whose channels are equal.
+        if (feature, quantity) == (Feature::Color, Quantity::Value) && components.len() == 1 {
+            components.resize(feature.width(), components[0].clone());
         }
     }
 }
 
-/// What the mapping has to say about what is needed.
-pub(super) fn notes(mapping: &Mapping, needs: &Needs) -> Vec<Note> {
-    let borrowed = mapping.sources().filter(|&(feature, quantity, source)| {
-        source.convention != mapping.convention() && needs.wants(feature, quantity)
-    });
-    let borrowed = borrowed.map(|(feature, _, source)| Note::Borrowed {
-        feature,
-        channels: source.channels.clone(),
-        convention: source.convention,
-    });
+/// What there is to say of where things come from.
+pub(super) fn notes(target: &Target, sources: &[Fed], needs: &Needs, read: &Read) -> Vec<Note> {
+    let mapping = target.mapping();
     let unusable = mapping.unusable().iter();
     let unusable = unusable.filter(|unusable| needs.wants(unusable.feature, Quantity::Variance));
     let unusable = unusable.map(|unusable| Note::UnusableVariance {
@@ -150,14 +177,28 @@ pub(super) fn notes(mapping: &Mapping, needs: &Needs) -> Vec<Note> {
         channels: unusable.channels.clone(),
         reason: unusable.reason,
     });
-    borrowed.chain(unusable).collect()
+    let mut notes: Vec<Note> = unusable.collect();
+    for ((feature, _), source) in sources {
+        let window = source.channels.first().and_then(|name| target.listing().window(name));
+        let Some(window) = window.filter(|window| *window != read.window) else { continue };
+        if target.listing().is_placed(&source.channels[0]) {
+            let covered = window.overlap(&read.window).map_or(0, |both| both.pixels());
+            let count = read.window.pixels() - covered;
+            notes.push(Note::Uncovered { feature: *feature, window, count });
+        }
+    }
+    if read.missing_rows > 0 {
+        notes.push(Note::Unfinished { rows: read.missing_rows });
+    }
+    notes
 }
 
 impl Origin {
     /// The full name of the channel that a component came from, or the name it
     /// would have in a file of ours.
     pub(super) fn channel(&self, feature: Feature, quantity: Quantity, component: usize) -> String {
-        let source = self.file.as_ref().and_then(|(_, mapping)| match quantity {
+        let mapping = self.target.as_ref().map(Target::mapping);
+        let source = mapping.and_then(|mapping: &Mapping| match quantity {
             Quantity::Value => mapping.value(feature),
             Quantity::Variance => mapping.variance(feature),
             Quantity::Gradient => None,
@@ -193,8 +234,8 @@ impl Origin {
     /// The error for a plane that a filter reads and the file does not provide.
     pub(super) fn missing(&self, scene: &str, id: PlaneId) -> SceneError {
         let term = id.feature.spelling(id.quantity).unwrap_or(id.feature.row().name).to_owned();
-        let (path, present) = match &self.file {
-            Some((header, _)) => (header.path().to_owned(), header.listing()),
+        let (path, present) = match &self.target {
+            Some(target) => (target.path().to_owned(), target.listing().listing()),
             None => (scene.into(), "no such feature".to_owned()),
         };
         SceneError::MissingFeature { path, term, looked_for: looked_for(id.feature), present }

@@ -10,7 +10,6 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
-use std::path::Path;
 
 use super::facts::{Fact, Facts};
 use super::mend::{Findings, Mender};
@@ -18,11 +17,12 @@ use super::normalize::Normalization;
 use super::note::Note;
 use super::plane::{Edge, Layout, Plane, Samples};
 use super::prepare::{Maker, MendedFeatures, Scales};
-use super::raw::{Origin, Request, notes};
+use super::raw::{Origin, notes, sources};
 use super::scratch::Scratch;
+use super::target::{Target, channels};
 use super::{LoadOptions, Needs, Scene, SceneError};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
-use crate::image::exr::{Sink, decode_channels};
+use crate::image::exr::Sink;
 use crate::image::{Attributes, ImageError};
 
 /// A scene in a scratch file.
@@ -30,6 +30,8 @@ pub struct SpilledScene {
     name: String,
     layout: Layout,
     scratch: Scratch,
+    /// Where the alpha stands in the file.
+    alpha: Option<usize>,
     /// Where planes stand in the file that are not one number everywhere.
     places: BTreeMap<PlaneId, usize>,
     facts: Facts,
@@ -53,18 +55,14 @@ pub struct Weight {
 }
 
 impl Weight {
-    /// Of the scene in the file at `path`, loaded with what `needs` names.
+    /// Of the scene of a target, loaded with what `needs` names.
     ///
     /// # Errors
-    /// If its header cannot be read, or it has no colour.
-    pub fn of(path: &Path, needs: &Needs, options: &LoadOptions) -> Result<Self, SceneError> {
-        let Request { header, mapping, sources } = Request::of(path, needs, options)?;
-        let (part, _) = header
-            .find(&mapping.color(&header)?.channels[0])
-            .expect("the mapping names channels of the file");
-        let (width, height) = header.parts()[part].size;
-        let pixels = width * height;
-        let stored = Request::channels(&sources).count();
+    /// If it has no colour.
+    pub fn of(target: &Target, needs: &Needs, options: &LoadOptions) -> Result<Self, SceneError> {
+        let sources = sources(target, needs, options)?;
+        let pixels = target.window()?.pixels();
+        let stored = channels(&sources).count();
         let planes = needs.named().map_or(Feature::terms().count() * 3, BTreeSet::len);
         let all = (stored + planes + RESULT) as u64 * pixels as u64 * size_of::<f32>() as u64;
         Ok(Self { in_memory: all, least: SpilledScene::least(pixels) })
@@ -79,45 +77,46 @@ const RESULT: usize = 10;
 const COLOR: [usize; 3] = [0, 1, 2];
 
 impl SpilledScene {
-    /// Loads the scene in the file at `path`, as [`Scene::load`] does.
+    /// Loads the scene of a target, as [`Scene::of`] does.
     ///
     /// # Errors
     /// Those of [`Scene::load`], and if the scratch file cannot be written.
     pub fn load(
-        path: &Path,
+        target: &Target,
         needs: &Needs,
         pad: usize,
         options: &LoadOptions,
     ) -> Result<Self, SceneError> {
-        let name = super::folder::scene_name(path);
-        let Request { header, mapping, sources } = Request::of(path, needs, options)?;
-        let wanted: Vec<&str> = Request::channels(&sources).collect();
+        let name = super::folder::scene_name(target.path());
+        let sources = sources(target, needs, options)?;
         let mut spill = Spill { scratch: None };
-        let decoded = decode_channels(path, &wanted, &mut spill)?;
-        let (width, height) = (decoded.width, decoded.height);
-        let place = |name: &String| {
-            let place = decoded.names.iter().position(|known| known == name);
-            place.expect("what was wanted was decoded")
-        };
+        let read = target.decode(&sources, options.unfinished, &mut spill)?;
+        let (width, height) = read.window.size;
+        let mut next = 0;
         let quantities = sources.iter().map(|(key, source)| {
-            let places: Vec<usize> = source.channels.iter().map(place).collect();
-            (*key, places)
+            let begin = next;
+            next += source.channels.len();
+            (*key, (begin..next).collect())
         });
-        let raw = Raw {
+        let mut raw = Raw {
             scratch: spill.scratch.expect("decoding begins with its size"),
             pixels: width * height,
             places: quantities.collect(),
         };
-        let mut notes = notes(&mapping, needs);
-        let attributes = Some(decoded.attributes);
-        let samples = options.samples.or(header.samples_per_pixel());
-        let origin = Origin { attributes, file: Some((header, mapping)) };
+        let mut notes = notes(target, &sources, needs, &read);
+        let samples = options.samples.or(target.listing().header().samples_per_pixel());
+        let origin = Origin { attributes: read.attributes, target: Some(target.clone()) };
 
         let mender = Mender { name: &name, origin: &origin, width, repair: options.repair };
         let mut findings = Vec::with_capacity(sources.len());
         for (key, source) in &sources {
             let mut components = raw.read(*key)?;
-            components.iter_mut().for_each(|samples| source.divide(samples));
+            let value = (key.0, Quantity::Value);
+            let value = match source.is_moment {
+                true => Some(raw.read(value)?),
+                false => None,
+            };
+            source.convert(target, *key, &mut components, value.as_deref());
             findings.push((*key, mender.mend(key.0, key.1, &mut components)?));
             raw.write(*key, &components)?;
         }
@@ -133,6 +132,13 @@ impl SpilledScene {
             scratch.write(place, 0, samples)?;
         }
         drop(color);
+        let alpha = target.alpha().map(|_| COLOR.len());
+        if let Some(place) = alpha {
+            let mut samples = vec![0.0; width * height];
+            raw.scratch.read(next, 0, &mut samples)?;
+            scratch.write(place, 0, &samples)?;
+        }
+        let first = COLOR.len() + usize::from(alpha.is_some());
         let maker = Maker { features: &raw, scales: &scales, layout, samples };
         let (mut places, mut facts) = (BTreeMap::new(), Vec::new());
         for feature in Feature::ALL {
@@ -140,7 +146,7 @@ impl SpilledScene {
                 let fact = Fact::of_pixels(samples, width);
                 facts.push((id, fact));
                 if let Fact::Range(_) = fact {
-                    let place = COLOR.len() + places.len();
+                    let place = first + places.len();
                     scratch.write(place, 0, samples)?;
                     places.insert(id, place);
                 }
@@ -149,7 +155,7 @@ impl SpilledScene {
             notes.extend(estimated.map(Note::EstimatedVariance));
         }
         let (facts, normalization) = (Facts::from_planes(facts), scales.normalization);
-        Ok(Self { name, layout, scratch, places, facts, normalization, notes, origin })
+        Ok(Self { name, layout, scratch, alpha, places, facts, normalization, notes, origin })
     }
 
     /// Memory that making one of so many pixels takes, in bytes.
@@ -199,6 +205,7 @@ impl SpilledScene {
             layout,
             top: rows.start,
             color: color.try_into().expect("three channels"),
+            alpha: self.alpha.map(read).transpose()?,
             ones: Samples::new(layout, &vec![1.0; layout.pixels()], Edge::Zero),
             planes,
             facts: self.facts.clone(),
@@ -277,7 +284,14 @@ impl Raw {
         places.map(component).collect()
     }
 
-    fn write(&self, key: (Feature, Quantity), components: &[Vec<f32>]) -> Result<(), SceneError> {
+    fn write(
+        &mut self,
+        key: (Feature, Quantity),
+        components: &[Vec<f32>],
+    ) -> Result<(), SceneError> {
+        // A grey colour is stored once and read thrice.
+        let places = self.places.get_mut(&key).expect("a key of the sources");
+        places.resize(components.len(), places[0]);
         for (&place, samples) in self.places[&key].iter().zip(components) {
             self.scratch.write(place, 0, samples)?;
         }

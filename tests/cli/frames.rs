@@ -32,8 +32,11 @@ fn several_frames_are_what_each_would_be_alone() {
         let output = place.run(&denoise(&inputs, &clean, &["--format", format, "--timings"]));
         let report = stderr(&output);
         assert!(output.status.success() && output.stdout.is_empty(), "{report}");
-        // One line of remarks and one of times each, in the order of the inputs.
-        let lines: Vec<&str> = report.lines().collect();
+        // What feeds the filter, once, as it is the same; then one line of remarks and one of
+        // times each, in the order of the inputs.
+        let (feeds, rest) = report.split_once('\n').expect("several lines");
+        assert!(feeds.starts_with("frames/a.exr: named as"), "{report}");
+        let lines: Vec<&str> = rest.lines().collect();
         assert_eq!(lines.len(), 2 * inputs.len() + 1, "{report}");
         for (name, lines) in results.iter().zip(lines.chunks(2)) {
             assert!(lines[0].starts_with(&format!("{clean}{name}: 24x20 pixels")), "{report}");
@@ -82,6 +85,7 @@ fn a_frame_that_fails_leaves_the_others_alone() {
     let report = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{report}");
     let starts = [
+        "frames/a.exr: named as",
         "clean/a.exr: 24x20",
         "load ",
         "tamis: error: frames/b.exr: not an OpenEXR file",
@@ -152,14 +156,16 @@ fn a_frame_without_a_filter_gets_what_it_can_feed() {
     };
     // The best is a program, which does without everything but the colour.
     let report = denoise(&[]);
-    for (frame, lacking, what) in [
-        ("a", "no reflected albedo, no depth", "`tamis` does without"),
-        ("b", "no normals, no albedo, no reflected albedo, no depth", "`tamis` does without"),
-        ("c", "no reflected albedo", "`tamis` does without"),
+    for (frame, feeds) in [
+        ("a", "normals from Normal, albedo from Albedo; absent: depth; variances (estimated)"),
+        ("b", "colour from R G B; absent: albedo, normals, depth, which would take away"),
+        ("c", "albedo from Albedo, depth from Depth.Z; absent: variances (estimated)"),
     ] {
-        let why = format!("frames/{frame}.exr: {lacking} in the file: {what}");
-        assert!(report.lines().any(|line| line == why), "no `{why}` in: {report}");
+        let begin = format!("frames/{frame}.exr: named as ");
+        let line = report.lines().find(|line| line.starts_with(&begin));
+        assert!(line.is_some_and(|line| line.contains(feeds)), "no `{feeds}` in: {report}");
     }
+    assert_eq!(report.matches("filter `tamis`").count(), 3, "{report}");
 
     // Radii are for single weights.
     let report = denoise(&["--radius", "10"]);

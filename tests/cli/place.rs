@@ -137,6 +137,12 @@ impl Place {
         possible.map(|entry| entry["bits"].to_string()).collect()
     }
 
+    /// The bits of an image's colours: files also say what made them.
+    pub(crate) fn pixels(&self, name: &str) -> Vec<u32> {
+        let image = tamis::scene::load_image(&self.path(name)).expect("an image");
+        image.rgb().concat().into_iter().map(f32::to_bits).collect()
+    }
+
     pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
         fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }

@@ -12,7 +12,6 @@ mod contest;
 mod engine;
 mod exact;
 mod oidn;
-mod pfm;
 mod program;
 
 use std::fs;

@@ -12,12 +12,14 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 use super::contest::{Contestant, Lap, Round, Runner};
-use super::pfm::{self, Channels};
 use super::program;
 use crate::cli::error::Error;
 use crate::expr::{Feature, PlaneId, Quantity};
-use crate::image::Image;
+use crate::image::{Image, pfm};
 use crate::scene::{Needs, Samples};
+
+/// Three channels, each row by row from the top.
+type Channels = [Vec<f32>; 3];
 
 /// What the program is called.
 pub(super) const NAME: &str = "oidnDenoise";
@@ -80,8 +82,8 @@ impl Contestant for Oidn {
         let mut command = Command::new(&self.program);
         let mut give = |option: &str, channels: &Channels| -> Result<(), Error> {
             let path = folder.path().join(format!("{}.pfm", option.trim_start_matches('-')));
-            let (width, height) = round.reference.size();
-            fs::write(&path, pfm::write(width, height, channels))
+            let channels = channels.each_ref().map(Vec::as_slice);
+            fs::write(&path, pfm::write(round.reference.size(), channels))
                 .map_err(program::file(&path, "write"))?;
             command.arg(option).arg(path);
             Ok(())
@@ -111,11 +113,16 @@ impl Runner for Ready<'_> {
     fn result(&mut self) -> Result<Image, Error> {
         let bytes = fs::read(&self.output).map_err(program::file(&self.output, "read"))?;
         let (width, height) = self.round.reference.size();
-        let channels = pfm::read(&bytes, width, height).map_err(|reason| {
-            program::failed(&self.command, "wrote what cannot be read", &reason)
-        })?;
-        let image = Image::new(self.round.scene.name(), width, height, channels);
-        Ok(image.expect("read() gives one sample per pixel"))
+        let fault =
+            |reason: &str| program::failed(&self.command, "wrote what cannot be read", reason);
+        let pfm = pfm::read(&bytes).map_err(|reason| fault(&reason))?;
+        let image = match <[Vec<f32>; 3]>::try_from(pfm.channels) {
+            Ok(rgb) if pfm.size == (width, height) => {
+                Image::new(self.round.scene.name(), width, height, rgb)
+            }
+            Ok(_) | Err(_) => None,
+        };
+        image.ok_or_else(|| fault("it is no image of that size in three channels"))
     }
 
     fn compile(&self) -> Option<Duration> {

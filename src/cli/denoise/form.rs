@@ -4,16 +4,21 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
-use crate::image::{Image, ImageError};
+use crate::denoise::{DenoiseError, Denoised};
+use crate::image::exr::Lost;
+use crate::image::{pfm, write_atomically};
 use crate::report::Picture;
+use crate::scene::SceneError;
 
 /// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Form {
-    /// OpenEXR: linear R, G, B
+    /// OpenEXR: the whole input with its colour replaced
     Exr,
-    /// PNG: tone-mapped, 8 bits per channel
+    /// PNG: tone-mapped, 8 bits per channel, with alpha where the input has one
     Png,
+    /// Portable float map: linear R, G, B alone
+    Pfm,
 }
 
 impl Form {
@@ -22,6 +27,7 @@ impl Form {
         match self {
             Self::Exr => "exr",
             Self::Png => "png",
+            Self::Pfm => "pfm",
         }
     }
 
@@ -32,11 +38,20 @@ impl Form {
         all.into_iter().find(|form| ending.eq_ignore_ascii_case(form.ending()))
     }
 
-    /// Writes an image: the whole of it or nothing.
-    pub(super) fn save(self, image: &Image, path: &Path) -> Result<(), ImageError> {
-        match self {
-            Self::Exr => image.save(path),
-            Self::Png => Picture::of(image, 0.0).save(path),
-        }
+    /// Writes a result: the whole of it or nothing. Formats of one picture get the best one.
+    pub(super) fn save(
+        self,
+        denoised: &Denoised,
+        path: &Path,
+        exposure: f32,
+    ) -> Result<Lost, DenoiseError> {
+        let image = denoised.image();
+        let written = match self {
+            Self::Exr => return denoised.save(path),
+            Self::Png => Picture::with_alpha(image, exposure).save(path),
+            Self::Pfm => write_atomically(path, &pfm::write(image.size(), image.rgb())),
+        };
+        written.map_err(SceneError::from)?;
+        Ok(Lost::default())
     }
 }

@@ -6,6 +6,7 @@ mod form;
 mod frame;
 mod pipeline;
 mod progress;
+mod sources;
 mod timings;
 
 use std::path::PathBuf;
@@ -24,6 +25,7 @@ use form::Form;
 use frame::Job;
 use pipeline::Pipeline;
 use progress::Progress;
+use sources::Sources;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -52,8 +54,8 @@ pub(super) struct Denoise {
     #[arg(required = true, num_args = 1.., value_name = "IN.exr")]
     inputs: Vec<PathBuf>,
 
-    /// Where the result goes: OpenEXR (linear R, G, B), or PNG (tone-mapped) by
-    /// the name's ending; or a folder, where results have their inputs' names,
+    /// Where the result goes: OpenEXR (the input with its colour replaced), PNG
+    /// (tone-mapped) or PFM by the name's ending; or a folder, where results have their inputs' names,
     /// and which is made if its name ends in /
     #[arg(long, short, value_name = "OUT.exr|DIR/")]
     output: PathBuf,
@@ -70,6 +72,13 @@ pub(super) struct Denoise {
     /// How much of the result is taken, from 0 to 1; the rest is the noisy image
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = strength)]
     strength: f32,
+
+    /// Make PNG results brighter by so many stops, or darker
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    exposure: f32,
+
+    #[command(flatten)]
+    sources: Sources,
 
     #[command(flatten)]
     running: Running,
@@ -100,15 +109,23 @@ impl Denoise {
             radius,
             passes: self.running.passes(),
             load: self.running.load_options(),
+            selection: self.sources.selection(),
             strength: Some(self.strength),
             max_memory: Some(self.running.backend.memory_for_scenes() / flying),
         };
-        let job = Job { denoiser: Denoiser::new(&*backend, options), form: files.form() };
+        let job = Job {
+            denoiser: Denoiser::new(&*backend, options),
+            form: files.form(),
+            is_named: self.filter.is_some(),
+            aux: self.sources.aux(),
+            exposure: self.exposure,
+        };
 
         let start = started.elapsed();
         let several = files.len() > 1;
         let progress = Progress::new(log, files.len());
         let mut timings = Vec::with_capacity(files.len());
+        let mut fed = Vec::new();
         let run = Pipeline::new(frames).run(
             files.len(),
             |frame| job.load(files.frame(frame)),
@@ -125,11 +142,20 @@ impl Denoise {
                 match written {
                     Ok(written) => {
                         progress.aside(|| {
+                            // Frames of a sequence are alike: what differs is told.
+                            if written.feeds != fed {
+                                let input = files.frame(frame).input.display();
+                                for feeds in &written.feeds {
+                                    log.say(format_args!("{input}: {feeds}"));
+                                }
+                            }
+                            written.warnings.iter().for_each(|warning| log.warn(warning));
                             written.remarks.iter().for_each(|remark| log.say(remark));
                             if self.timings {
                                 log.say(written.timings);
                             }
                         });
+                        fed = written.feeds;
                         timings.push(written.timings);
                     }
                     Err(error) if several => progress.aside(|| log.error(&error)),

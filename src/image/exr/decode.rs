@@ -11,15 +11,11 @@
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
-use exr::block::UncompressedBlock;
-use exr::block::chunk::Chunk;
-use exr::meta::MetaData;
 use half::f16;
 use rayon::prelude::*;
 
-use super::dwa;
-use super::guard::guarded;
-use super::header::{Attributes, Header, SampleKind, open};
+use super::header::{Attributes, Header, SampleKind, Window};
+use super::source::{RawChunk, Source};
 use crate::image::ImageError;
 
 /// Chunks in flight at a time, at most, and what they may take when they are decompressed:
@@ -31,6 +27,16 @@ const BATCH_BYTES: usize = 64 << 20;
 /// it to one coefficient of 64.)
 const MAX_RATIO: u64 = 1 << 17;
 
+/// What becomes of renders that were not finished.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unfinished {
+    /// They are refused.
+    #[default]
+    Refused,
+    /// What is missing is zero.
+    Zero,
+}
+
 /// Decoded channels of one size.
 #[derive(Clone, Debug)]
 pub struct Pixels {
@@ -40,8 +46,11 @@ pub struct Pixels {
     pub height: usize,
     /// By full name, row by row without padding.
     pub channels: BTreeMap<String, Vec<f32>>,
-    /// What the first wanted channel's part says beside its pixels.
-    pub attributes: Attributes,
+    /// What the first wanted channel's part says beside its pixels; nothing in formats that
+    /// have no such thing.
+    pub attributes: Option<Attributes>,
+    /// Rows of parts that are read, in which a pixel is missing.
+    pub missing_rows: usize,
 }
 
 /// Where decoded samples go.
@@ -69,23 +78,31 @@ pub struct Decoded {
     pub height: usize,
     /// The full names of the channels, in the order in which the sink counts them.
     pub names: Vec<String>,
-    /// What the first wanted channel's part says beside its pixels.
-    pub attributes: Attributes,
+    /// What the first wanted channel's part says beside its pixels; nothing in formats that
+    /// have no such thing.
+    pub attributes: Option<Attributes>,
+    /// Rows of parts that are read, in which a pixel is missing.
+    pub missing_rows: usize,
 }
 
-/// Decodes the channels with the given full names, and no others.
+/// Decodes the channels with the given full names, and no others, within a window; if none is
+/// given, the data window of the first. What they have outside of it is left out, and what
+/// they lack is zero.
 ///
 /// # Errors
-/// If the file cannot be read, lacks one of them, or holds them in a form that
-/// is not read (different data windows).
+/// If the file cannot be read, lacks one of them, or holds them in a form that is not read.
 ///
 /// # Panics
 /// If `wanted` is empty.
-pub fn read_channels<S: AsRef<str>>(path: &Path, wanted: &[S]) -> Result<Pixels, ImageError> {
-    let mut memory = Memory { path, planes: Vec::new() };
-    let Decoded { width, height, names, attributes } = decode_channels(path, wanted, &mut memory)?;
-    let channels = names.into_iter().zip(memory.planes).collect();
-    Ok(Pixels { width, height, channels, attributes })
+pub fn read_channels<S: AsRef<str>>(
+    path: &Path,
+    wanted: &[S],
+    window: Option<Window>,
+    unfinished: Unfinished,
+) -> Result<Pixels, ImageError> {
+    let mut memory = Memory::of(path);
+    let decoded = decode_channels(path, wanted, window, unfinished, &mut memory)?;
+    Ok(memory.pixels(decoded))
 }
 
 /// The same, given away line by line as it is decoded.
@@ -98,59 +115,108 @@ pub fn read_channels<S: AsRef<str>>(path: &Path, wanted: &[S]) -> Result<Pixels,
 pub fn decode_channels<S: AsRef<str>>(
     path: &Path,
     wanted: &[S],
+    window: Option<Window>,
+    unfinished: Unfinished,
     sink: &mut dyn Sink,
 ) -> Result<Decoded, ImageError> {
-    let reader = open(path)?;
-    let header = Header::of(path, reader.headers());
+    let mut source = Source::open(path)?;
+    let header = Header::of(&source);
     let places = locate(&header, wanted)?;
     let first = places.first().expect("callers want at least the colour").part;
-    let attributes = Attributes::of(&reader.headers()[first]);
-    let (width, height) = header.parts()[first].size;
-    check_size(path, places.len(), width * height)?;
-    sink.begin(places.len(), (width, height))?;
+    let attributes = Some(Attributes::of(&source.headers()[first]));
+    let window = window.unwrap_or(header.parts()[first].window);
+    check_size(path, places.len(), window.pixels())?;
+    sink.begin(places.len(), window.size)?;
 
     let live: HashSet<usize> = places.iter().map(|place| place.part).collect();
-    let mut chunks = guarded(path, || {
-        reader.filter_chunks(false, |_, _, block| {
-            live.contains(&block.layer) && (block.level.0, block.level.1) == (0, 0)
-        })
-    })?;
-    let meta = exr::block::reader::ChunksReader::meta_data(&chunks).clone();
-    let largest = live.iter().map(|&part| meta.headers[part].max_block_byte_size()).max();
+    // In the order of the file, so that it is read from one end to the other.
+    let mut chunks: Vec<(u64, usize, usize)> = Vec::new();
+    for &part in &live {
+        let table = source.table(part).iter().enumerate();
+        chunks.extend(table.map(|(number, &at)| (at, part, number)));
+    }
+    chunks.sort_unstable();
+    let largest = live.iter().map(|&part| source.headers()[part].max_block_byte_size()).max();
     let most = (BATCH_BYTES / largest.unwrap_or(1).max(1)).min(BATCH);
     let most = most.max(rayon::current_num_threads());
-    let mut seen = HashSet::new();
-    loop {
-        let batch = guarded(path, || chunks.by_ref().take(most).collect::<Result<Vec<_>, _>>())?;
-        if batch.is_empty() {
-            break;
+    let mut seen: HashSet<(usize, usize, usize)> = HashSet::new();
+    let mut pixels = 0;
+    for numbers in chunks.chunks(most) {
+        let mut batch: Vec<RawChunk> = Vec::with_capacity(numbers.len());
+        for &(_, part, number) in numbers {
+            let chunk = source.chunk(part, number)?;
+            batch.extend(chunk.filter(RawChunk::is_full_resolution));
         }
         let bands: Vec<Band> = batch
             .into_par_iter()
-            .map(|chunk| convert(path, chunk, &meta, &header, &places))
+            .map(|chunk| convert(&source, &chunk, &header, &places))
             .collect::<Result<_, _>>()?;
         for band in bands {
-            seen.insert((band.part, band.x, band.y));
-            band.scatter(width, sink)?;
+            // The offset table names each block once; a chunk that says it is another
+            // block leaves a hole where it should have been.
+            if seen.insert((band.part, band.x, band.y)) {
+                pixels += band.pixels;
+                let home = header.parts()[band.part].window;
+                band.scatter(&home, &window, sink)?;
+            }
         }
     }
-    // The offset table names each block once; a chunk that says it is another
-    // block leaves a hole where it should have been.
-    let expected = chunks_of(&meta, &live);
-    if seen.len() != expected {
-        return Err(ImageError::Corrupt {
-            path: path.to_owned(),
-            detail: format!("{} of {expected} chunks are present", seen.len()),
-        });
+    let expected: usize = live.iter().map(|&part| header.parts()[part].window.pixels()).sum();
+    let missing_rows = if pixels == expected { 0 } else { missing_rows(&source, &live, &seen) };
+    if missing_rows > 0 && unfinished == Unfinished::Refused {
+        let rows = live.iter().map(|&part| header.parts()[part].window.size.1).sum();
+        return Err(ImageError::Unfinished { path: path.to_owned(), missing: missing_rows, rows });
     }
     let names = places.into_iter().map(|place| place.name).collect();
-    Ok(Decoded { width, height, names, attributes })
+    Ok(Decoded { width: window.size.0, height: window.size.1, names, attributes, missing_rows })
+}
+
+/// Rows in which a block of full resolution was not seen.
+fn missing_rows(
+    source: &Source,
+    live: &HashSet<usize>,
+    seen: &HashSet<(usize, usize, usize)>,
+) -> usize {
+    let mut rows = HashSet::new();
+    for &part in live {
+        let header = &source.headers()[part];
+        for tile in header.blocks_increasing_y_order() {
+            let level = tile.location.level_index;
+            let Ok(bounds) = header.get_absolute_block_pixel_coordinates(tile.location) else {
+                continue;
+            };
+            let (x, y) = (bounds.position.0 as usize, bounds.position.1 as usize);
+            if (level.0, level.1) == (0, 0) && !seen.contains(&(part, x, y)) {
+                rows.extend((y..y + bounds.size.1).map(|y| (part, y)));
+            }
+        }
+    }
+    rows.len()
 }
 
 /// Samples kept in memory.
-struct Memory<'a> {
+pub(crate) struct Memory<'a> {
     path: &'a Path,
     planes: Vec<Vec<f32>>,
+}
+
+impl<'a> Memory<'a> {
+    /// For samples of this file.
+    pub(crate) fn of(path: &'a Path) -> Self {
+        Self { path, planes: Vec::new() }
+    }
+
+    /// The samples of each channel.
+    pub(crate) fn into_planes(self) -> Vec<Vec<f32>> {
+        self.planes
+    }
+
+    /// What was decoded, with its samples.
+    pub(in crate::image) fn pixels(self, decoded: Decoded) -> Pixels {
+        let Decoded { width, height, names, attributes, missing_rows } = decoded;
+        let channels = names.into_iter().zip(self.planes).collect();
+        Pixels { width, height, channels, attributes, missing_rows }
+    }
 }
 
 impl Sink for Memory<'_> {
@@ -197,17 +263,20 @@ fn locate<S: AsRef<str>>(header: &Header, wanted: &[S]) -> Result<Vec<Place>, Im
                 present: header.listing(),
             });
         };
-        if let Some(first) = places.first() {
-            let (a, b) = (&header.parts()[first.part], &header.parts()[part]);
-            if (a.size, a.origin) != (b.size, b.origin) {
-                return Err(ImageError::WindowsDiffer {
-                    path: path.to_owned(),
-                    first: first.name.clone(),
-                    first_window: a.window(),
-                    second: name.to_owned(),
-                    second_window: b.window(),
-                });
-            }
+        let home = &header.parts()[part];
+        if home.deep {
+            return Err(ImageError::Unsupported {
+                path: path.to_owned(),
+                what: format!("channel \"{name}\" holds deep data (several samples per pixel)"),
+                advice: "flatten it to one sample per pixel",
+            });
+        }
+        if home.channels[channel].sampling != (1, 1) {
+            return Err(ImageError::Unsupported {
+                path: path.to_owned(),
+                what: format!("channel \"{name}\" has fewer samples than pixels (subsampled)"),
+                advice: "save the image as RGB, not as luminance and chroma",
+            });
         }
         if places.iter().all(|place| place.name != name) {
             places.push(Place { name: name.to_owned(), part, channel });
@@ -229,29 +298,42 @@ fn check_size(path: &Path, channels: usize, pixels: usize) -> Result<(), ImageEr
     Ok(())
 }
 
-/// Full-resolution blocks of the parts that are read.
-fn chunks_of(meta: &MetaData, live: &HashSet<usize>) -> usize {
-    live.iter()
-        .flat_map(|&part| meta.headers[part].blocks_increasing_y_order())
-        .filter(|tile| (tile.location.level_index.0, tile.location.level_index.1) == (0, 0))
-        .count()
-}
-
 /// The wanted samples of one chunk.
 struct Band {
     part: usize,
+    /// Its place in the part's window.
     x: usize,
     y: usize,
     width: usize,
+    pixels: usize,
     /// The result plane that each converted channel belongs to.
     planes: Vec<(usize, Vec<f32>)>,
 }
 
 impl Band {
-    fn scatter(self, stride: usize, sink: &mut dyn Sink) -> Result<(), ImageError> {
+    /// Gives away what lies in a window, of a band of a part with a window of its own.
+    fn scatter(
+        self,
+        home: &Window,
+        window: &Window,
+        sink: &mut dyn Sink,
+    ) -> Result<(), ImageError> {
+        let size = (self.width, self.pixels / self.width);
+        // The sizes were found plausible: they are far from overflowing.
+        let origin = (
+            home.origin.0.saturating_add(self.x as i32),
+            home.origin.1.saturating_add(self.y as i32),
+        );
+        let band = Window { origin, size };
+        let Some(part) = band.overlap(window) else { return Ok(()) };
+        let from =
+            |a: (i32, i32), b: (i32, i32)| (a.0.abs_diff(b.0) as usize, a.1.abs_diff(b.1) as usize);
+        let (inside, outside) = (from(part.origin, band.origin), from(part.origin, window.origin));
         for (slot, samples) in &self.planes {
-            for (row, line) in samples.chunks_exact(self.width).enumerate() {
-                sink.line(*slot, (self.y + row) * stride + self.x, line)?;
+            for row in 0..part.size.1 {
+                let begin = (inside.1 + row) * self.width + inside.0;
+                let start = (outside.1 + row) * window.size.0 + outside.0;
+                sink.line(*slot, start, &samples[begin..begin + part.size.0])?;
             }
         }
         Ok(())
@@ -259,56 +341,66 @@ impl Band {
 }
 
 fn convert(
-    path: &Path,
-    chunk: Chunk,
-    meta: &MetaData,
+    source: &Source,
+    chunk: &RawChunk,
     header: &Header,
     places: &[Place],
 ) -> Result<Band, ImageError> {
-    let block = guarded(path, || {
-        dwa::check(&chunk, &meta.headers)?;
-        UncompressedBlock::decompress_chunk(chunk, meta, false)
-    })?;
-    let corrupt =
-        |detail: &str| ImageError::Corrupt { path: path.to_owned(), detail: detail.to_owned() };
+    let part = &header.parts()[chunk.part];
+    let block = source.unpack(chunk, part)?;
+    let corrupt = |detail: &str| ImageError::Corrupt {
+        path: source.path().to_owned(),
+        detail: detail.to_owned(),
+    };
     let index = block.index;
-    let part = header.parts().get(index.layer).ok_or_else(|| corrupt("a chunk of no part"))?;
     let (x, y) = (index.pixel_position.0, index.pixel_position.1);
     let (width, height) = (index.pixel_size.0, index.pixel_size.1);
-    let inside = x + width <= part.size.0 && y + height <= part.size.1;
-    if !inside || (index.level.0, index.level.1) != (0, 0) || width == 0 {
+    let inside = x + width <= part.window.size.0 && y + height <= part.window.size.1;
+    if !inside || width == 0 {
         return Err(corrupt("a chunk lies outside the image"));
     }
-
-    // Each line holds the samples of all channels, one channel after another.
-    let bytes: Vec<usize> = part.channels.iter().map(|c| width * c.kind.bytes()).collect();
-    let line: usize = bytes.iter().sum();
-    if block.data.len() != line * height {
+    let rows: Vec<_> = (y..y + height).map(|y| part.row(y, width)).collect();
+    if block.data.len() != rows.iter().map(|row| row.bytes).sum::<usize>() {
         return Err(corrupt("a chunk has the wrong size"));
     }
-    let wanted = places.iter().enumerate().filter(|(_, place)| place.part == index.layer);
-    let planes: Vec<(usize, Vec<f32>)> = wanted
-        .map(|(slot, place)| {
-            let start: usize = bytes[..place.channel].iter().sum();
-            let kind = part.channels[place.channel].kind;
-            let mut samples = Vec::with_capacity(width * height);
-            for row in block.data.chunks_exact(line) {
-                kind.decode(&row[start..start + bytes[place.channel]], &mut samples);
-            }
-            (slot, samples)
-        })
-        .collect();
-    if planes.is_empty() {
-        return Err(corrupt("a chunk belongs to another part than the offset table says"));
-    }
-    Ok(Band { part: index.layer, x, y, width, planes })
+    let wanted = places.iter().enumerate().filter(|(_, place)| place.part == chunk.part);
+    let planes = wanted.map(|(slot, place)| {
+        let kind = part.channels[place.channel].kind;
+        let mut samples = Vec::with_capacity(width * height);
+        let mut begin = 0;
+        for row in &rows {
+            let range = &row.channels[place.channel];
+            kind.decode(&block.data[begin + range.start..begin + range.end], &mut samples);
+            begin += row.bytes;
+        }
+        (slot, samples)
+    });
+    let planes = planes.collect();
+    Ok(Band { part: chunk.part, x, y, width, pixels: width * height, planes })
 }
 
 impl SampleKind {
-    fn bytes(self) -> usize {
+    pub(super) fn bytes(self) -> usize {
         match self {
             Self::Half => 2,
             Self::Float | Self::Uint => 4,
+        }
+    }
+
+    /// Writes samples over others, rounded to what can be stored: halves stay finite, and
+    /// integers are not negative.
+    pub(super) fn encode(self, samples: &[f32], bytes: &mut [u8]) {
+        let largest = f16::MAX.to_f32();
+        for (&sample, bytes) in samples.iter().zip(bytes.chunks_exact_mut(self.bytes())) {
+            match self {
+                Self::Half => {
+                    let kept =
+                        if sample.is_finite() { sample.clamp(-largest, largest) } else { sample };
+                    bytes.copy_from_slice(&f16::from_f32(kept).to_ne_bytes());
+                }
+                Self::Float => bytes.copy_from_slice(&sample.to_ne_bytes()),
+                Self::Uint => bytes.copy_from_slice(&(sample.round() as u32).to_ne_bytes()),
+            }
         }
     }
 

@@ -1,26 +1,25 @@
 //! What a file holds, without decoding a pixel.
 
 use std::fmt;
-use std::fs::File;
-use std::io::BufReader;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use exr::block::reader::Reader;
 use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 
-use super::guard::guarded;
+use super::source::Source;
 use crate::image::ImageError;
 use crate::image::error::listing;
-
-/// More pixels than this are refused before anything is allocated (16384²).
-const MAX_PIXELS: usize = 1 << 28;
+use crate::image::files::Format;
 
 /// A file's parts and channels.
 #[derive(Clone, Debug)]
 pub struct Header {
     path: PathBuf,
+    format: Format,
+    is_encoded: bool,
     parts: Vec<Part>,
+    views: Vec<String>,
     samples_per_pixel: Option<u32>,
 }
 
@@ -29,23 +28,99 @@ pub struct Header {
 pub struct Part {
     /// The part's name, if it has one.
     pub name: Option<String>,
-    /// Width and height of the data window.
-    pub size: (usize, usize),
-    /// Top left corner of the data window.
-    pub origin: (i32, i32),
+    /// The part's view, if it says so.
+    pub view: Option<String>,
+    /// The data window: where its pixels are.
+    pub window: Window,
     /// Compression, for people.
     pub compression: String,
     /// Whether the pixels stand in tiles.
     pub tiled: bool,
+    /// Whether a pixel may have several samples at several depths: such parts are not read.
+    pub deep: bool,
     /// The channels, in the file's order.
     pub channels: Vec<Channel>,
 }
 
-impl Part {
-    /// Size and place of the data window, for people.
-    pub fn window(&self) -> String {
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Its top left corner.
+    pub origin: (i32, i32),
+    /// Width and height.
+    pub size: (usize, usize),
+}
+
+impl Window {
+    /// A window of this size that begins at (0, 0).
+    pub fn of_size(size: (usize, usize)) -> Self {
+        Self { origin: (0, 0), size }
+    }
+
+    /// How many pixels it has.
+    pub fn pixels(&self) -> usize {
+        self.size.0 * self.size.1
+    }
+
+    /// The pixels that both have, if there are any.
+    pub fn overlap(&self, other: &Self) -> Option<Self> {
+        let along = |pick: fn(&Self) -> (i32, usize)| {
+            let ((a, n), (b, m)) = (pick(self), pick(other));
+            let begin = i64::from(a.max(b));
+            let end = (i64::from(a) + n as i64).min(i64::from(b) + m as i64);
+            (end > begin).then(|| (a.max(b), (end - begin) as usize))
+        };
+        let (x, width) = along(|window| (window.origin.0, window.size.0))?;
+        let (y, height) = along(|window| (window.origin.1, window.size.1))?;
+        Some(Self { origin: (x, y), size: (width, height) })
+    }
+}
+
+impl fmt::Display for Window {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ((w, h), (x, y)) = (self.size, self.origin);
-        if (x, y) == (0, 0) { format!("{w}x{h}") } else { format!("{w}x{h} at ({x}, {y})") }
+        match (x, y) {
+            (0, 0) => write!(f, "{w}x{h}"),
+            _ => write!(f, "{w}x{h} at ({x}, {y})"),
+        }
+    }
+}
+
+/// How the bytes of a row of a chunk are shared out.
+pub(super) struct Row {
+    /// All of them.
+    pub(super) bytes: usize,
+    /// Those of each channel of the part, in its order; none of what has no sample in this row.
+    pub(super) channels: Vec<Range<usize>>,
+}
+
+impl Part {
+    /// Whether a channel has fewer samples than pixels.
+    pub fn is_subsampled(&self) -> bool {
+        self.channels.iter().any(|channel| channel.sampling != (1, 1))
+    }
+
+    /// The layout of a row, which counts from the window's first; so many pixels of it. Where
+    /// there are tiles, each channel has every sample.
+    pub(super) fn row(&self, y: usize, width: usize) -> Row {
+        let mut begin = 0;
+        let channels = self.channels.iter().map(|channel| {
+            let (every, line) = (channel.sampling.0 as i64, channel.sampling.1 as i64);
+            let (left, top) = (i64::from(self.window.origin.0), i64::from(self.window.origin.1));
+            let samples = match (every, line) {
+                (1, 1) => width,
+                _ if (top + y as i64).rem_euclid(line) != 0 => 0,
+                _ => {
+                    let upto = |x: i64| x.div_euclid(every);
+                    (upto(left + width as i64 - 1) - upto(left - 1)) as usize
+                }
+            };
+            let range = begin..begin + samples * channel.kind.bytes();
+            begin = range.end;
+            range
+        });
+        let channels = channels.collect();
+        Row { bytes: begin, channels }
     }
 }
 
@@ -56,6 +131,8 @@ pub struct Channel {
     pub name: String,
     /// How its samples are stored.
     pub kind: SampleKind,
+    /// Every how many pixels of a row, and rows, there is a sample.
+    pub sampling: (usize, usize),
 }
 
 /// How samples are stored.
@@ -127,16 +204,56 @@ impl Header {
     /// A listing made up for a test: a single part with these channels.
     #[cfg(test)]
     pub(crate) fn made(names: &[&str], samples_per_pixel: Option<u32>) -> Self {
-        let channel = |name: &&str| Channel { name: (*name).to_owned(), kind: SampleKind::Half };
+        let channel = |name: &&str| Channel {
+            name: (*name).to_owned(),
+            kind: SampleKind::Half,
+            sampling: (1, 1),
+        };
         let part = Part {
             name: None,
-            size: (1, 1),
-            origin: (0, 0),
+            view: None,
+            window: Window::of_size((1, 1)),
             compression: "none".to_owned(),
             tiled: false,
+            deep: false,
             channels: names.iter().map(channel).collect(),
         };
-        Self { path: PathBuf::from("made.exr"), parts: vec![part], samples_per_pixel }
+        let path = PathBuf::from("made.exr");
+        let format = Format::Exr;
+        let (views, is_encoded) = (Vec::new(), false);
+        Self { path, format, is_encoded, parts: vec![part], views, samples_per_pixel }
+    }
+
+    /// The listing of a file of another format: a single part.
+    pub(in crate::image) fn of_picture(
+        path: &Path,
+        format: Format,
+        is_encoded: bool,
+        size: (usize, usize),
+        channels: &[&str],
+    ) -> Self {
+        let channel = |name: &&str| Channel {
+            name: (*name).to_owned(),
+            kind: SampleKind::Float,
+            sampling: (1, 1),
+        };
+        let part = Part {
+            name: None,
+            view: None,
+            window: Window::of_size(size),
+            compression: format.name().to_owned(),
+            tiled: false,
+            deep: false,
+            channels: channels.iter().map(channel).collect(),
+        };
+        Self {
+            path: path.to_owned(),
+            format,
+            is_encoded,
+            parts: vec![part],
+            views: Vec::new(),
+            samples_per_pixel: None,
+        }
     }
 
     /// Reads the listing of the file at `path`.
@@ -144,13 +261,16 @@ impl Header {
     /// # Errors
     /// If the file cannot be opened or is no OpenEXR file.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
-        Ok(Self::of(path, open(path)?.headers()))
+        Ok(Self::of(&Source::open(path)?))
     }
 
-    pub(super) fn of(path: &Path, headers: &[exr::meta::header::Header]) -> Self {
+    pub(super) fn of(source: &Source) -> Self {
+        let (path, headers) = (source.path(), source.headers());
         let parts = headers.iter().map(|header| part(header, headers.len() > 1)).collect();
         let samples_per_pixel = headers.iter().find_map(samples_per_pixel);
-        Self { path: path.to_owned(), parts, samples_per_pixel }
+        let views = views(headers);
+        let (path, format) = (path.to_owned(), Format::Exr);
+        Self { path, format, is_encoded: false, parts, views, samples_per_pixel }
     }
 
     /// Whose listing this is.
@@ -158,9 +278,24 @@ impl Header {
         &self.path
     }
 
+    /// What the file is.
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Whether samples are those of a display: sRGB, from 0 to 1.
+    pub fn is_encoded(&self) -> bool {
+        self.is_encoded
+    }
+
     /// The parts, in the file's order.
     pub fn parts(&self) -> &[Part] {
         &self.parts
+    }
+
+    /// The views, the main one first; none if the file does not speak of views.
+    pub fn views(&self) -> &[String] {
+        &self.views
     }
 
     /// The file's own statement of its samples per pixel (pbrt-v4 and Blender write one).
@@ -187,92 +322,67 @@ impl Header {
     }
 }
 
-/// Opens a file and reads its headers, which are then known to be plausible:
-/// no size in them is out of proportion to the file's length.
-pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>, ImageError> {
-    let io = |action| move |source| ImageError::Io { path: path.to_owned(), action, source };
-    let file = File::open(path).map_err(io("open"))?;
-    let metadata = file.metadata().map_err(io("inspect"))?;
-    if metadata.is_dir() {
-        return Err(ImageError::Unsupported {
-            path: path.to_owned(),
-            what: "is a folder where an OpenEXR file is expected".to_owned(),
-            advice: "name the file inside it",
-        });
-    }
-    let reader =
-        guarded(path, || exr::block::read(BufReader::new(file), false)).map_err(|error| {
-            match error {
-                // The crate's wording for a wrong magic number, or none at all.
-                ImageError::Corrupt { detail, .. } if detail.contains("file identifier") => {
-                    ImageError::NotExr { path: path.to_owned() }
-                }
-                other => other,
-            }
-        })?;
-    for header in reader.headers() {
-        plausible(path, header, metadata.len())?;
-    }
-    Ok(reader)
-}
-
-/// Refuses sizes that the file cannot hold, before they are allocated.
-fn plausible(
-    path: &Path,
-    header: &exr::meta::header::Header,
-    file_bytes: u64,
-) -> Result<(), ImageError> {
-    let (width, height) = (header.layer_size.0, header.layer_size.1);
-    let corrupt = |detail: String| ImageError::Corrupt { path: path.to_owned(), detail };
-    if width == 0 || height == 0 {
-        return Err(corrupt(format!("the data window is {width}x{height}")));
-    }
-    if width.checked_mul(height).is_none_or(|pixels| pixels > MAX_PIXELS) {
-        return Err(ImageError::Unsupported {
-            path: path.to_owned(),
-            what: format!("the image is {width}x{height} pixels, more than 2^28"),
-            advice: "cut it into smaller images",
-        });
-    }
-    // Every chunk has an eight-byte entry in the offset table.
-    if (header.chunk_count as u64).saturating_mul(8) > file_bytes {
-        return Err(corrupt(format!(
-            "{} chunks are declared in {file_bytes} bytes",
-            header.chunk_count
-        )));
-    }
-    Ok(())
-}
-
 fn part(header: &exr::meta::header::Header, several: bool) -> Part {
     let name = header.own_attributes.layer_name.as_ref().map(Text::to_string);
     let prefix = name.as_deref().filter(|name| several && !name.is_empty());
+    let view = header.own_attributes.view_name.as_ref().map(Text::to_string);
     let channels = header.channels.list.iter().map(|channel| Channel {
-        name: full_name(prefix, &channel.name.to_string()),
+        name: full_name(prefix, view.as_deref(), &channel.name.to_string()),
         kind: match channel.sample_type {
             SampleType::F16 => SampleKind::Half,
             SampleType::F32 => SampleKind::Float,
             SampleType::U32 => SampleKind::Uint,
         },
+        sampling: (channel.sampling.0, channel.sampling.1),
     });
+    let (size, origin) = (header.layer_size, header.own_attributes.layer_position);
     Part {
-        size: (header.layer_size.0, header.layer_size.1),
-        origin: (header.own_attributes.layer_position.0, header.own_attributes.layer_position.1),
+        window: Window { origin: (origin.0, origin.1), size: (size.0, size.1) },
+        deep: header.deep,
         compression: header.compression.to_string(),
         tiled: header.blocks.has_tiles(),
         channels: channels.collect(),
         name,
+        view,
     }
 }
 
-fn full_name(part: Option<&str>, channel: &str) -> String {
+fn full_name(part: Option<&str>, view: Option<&str>, channel: &str) -> String {
+    // Blender's part `ViewLayer.Combined-left` has the channel `ViewLayer.Combined.R`.
+    let viewless = part.zip(view).and_then(|(part, view)| {
+        let layer = part.strip_suffix(view)?.strip_suffix(['-', '_', '.'])?;
+        Some((part, channel.strip_prefix(layer).filter(|rest| rest.starts_with('.'))?))
+    });
+    if let Some((part, rest)) = viewless {
+        return format!("{part}{rest}");
+    }
     match part {
         None => channel.to_owned(),
-        Some(part) => match channel.strip_prefix(part) {
-            Some(rest) if rest.starts_with('.') => channel.to_owned(),
+        // Upper and lower case tell no layers apart: see `scene::naming`.
+        Some(part) => match channel.get(..part.len()) {
+            Some(begin)
+                if begin.eq_ignore_ascii_case(part) && channel[part.len()..].starts_with('.') =>
+            {
+                channel.to_owned()
+            }
             Some(_) | None => format!("{part}.{channel}"),
         },
     }
+}
+
+/// The views of a file: what a single part lists, or each part's own.
+fn views(headers: &[exr::meta::header::Header]) -> Vec<String> {
+    let mut views: Vec<String> = Vec::new();
+    for header in headers {
+        let own = header.own_attributes.view_name.iter();
+        let listed = header.own_attributes.multi_view_names.iter().flatten();
+        for view in own.chain(listed).map(Text::to_string) {
+            if !views.contains(&view) {
+                views.push(view);
+            }
+        }
+    }
+    views
 }
 
 fn samples_per_pixel(header: &exr::meta::header::Header) -> Option<u32> {

@@ -18,7 +18,7 @@ fn value(channel: usize, pixel: usize) -> f32 {
 }
 
 fn read(file: &File, names: &[&str]) -> Result<Pixels, ImageError> {
-    read_channels(&file.path, names)
+    read_channels(&file.path, names, None, Unfinished::Refused)
 }
 
 fn assert_rgb(pixels: &Pixels, size: (usize, usize)) {
@@ -99,24 +99,32 @@ fn unwanted_parts_are_not_read() {
     let bytes = sample.bytes();
     sample.replace(&bytes[..bytes.len() - 20]);
     assert!(read(&sample, &["a.Z"]).is_ok());
-    assert!(matches!(read(&sample, &["b.Z"]), Err(ImageError::Corrupt { .. })));
+    assert!(matches!(read(&sample, &["b.Z"]), Err(ImageError::Unfinished { .. })));
 }
 
 #[test]
-fn sizes_may_differ_between_parts_but_not_within_a_request() {
+fn parts_of_other_windows_are_placed_in_the_firsts() {
     let named = |name, size, origin| {
-        PartOf { name: Some(name), origin, ..part(size) }.filled(&["Z"], value)
+        PartOf { name: Some(name), origin, ..part(size) }.filled(&["Z"], |_, k| 1.0 + k as f32)
     };
     let sample = file(vec![
-        named("a", (8, 4), (0, 0)),
-        named("b", (4, 2), (0, 0)),
-        named("c", (8, 4), (3, -2)),
+        named("a", (4, 3), (0, 0)),
+        named("b", (2, 2), (1, 1)),
+        named("c", (8, 2), (-3, -1)),
+        named("d", (1, 1), (9, 9)),
     ]);
-    assert_eq!(read(&sample, &["b.Z"]).expect("alone").width, 4);
-    let error = read(&sample, &["a.Z", "b.Z"]).unwrap_err().to_string();
-    assert!(error.contains("8x4") && error.contains("4x2") && error.contains("a.Z"), "{error}");
-    let error = read(&sample, &["a.Z", "c.Z"]).unwrap_err().to_string();
-    assert!(error.contains("8x4 at (3, -2)"), "{error}");
+    assert_eq!(read(&sample, &["b.Z"]).expect("alone").width, 2);
+    let pixels = read(&sample, &["a.Z", "b.Z", "c.Z", "d.Z"]).expect("they are placed");
+    assert_eq!((pixels.width, pixels.height), (4, 3));
+    let expected: [&[f32]; 3] = [
+        &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0, 3.0, 4.0, 0.0],
+        // Its second row, from the fourth pixel on, is the first's first.
+        &[12.0, 13.0, 14.0, 15.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        &[0.0; 12],
+    ];
+    for (name, expected) in ["b.Z", "c.Z", "d.Z"].into_iter().zip(expected) {
+        assert_eq!(pixels.channels[name], expected, "{name}");
+    }
 }
 
 #[test]
@@ -135,19 +143,59 @@ fn a_missing_channel_is_named_beside_those_that_are_there() {
     assert!(error.contains("B, G, R"), "{error}");
 }
 
-#[test]
-fn subsampled_channels_are_refused() {
-    let sample = file(vec![part((2, 2)).filled(&["R"], value)]);
-    let mut bytes = sample.bytes();
+/// A file of two by two pixels with R at each, and B at one of four.
+fn subsampled(compression: Compression) -> File {
+    let lines = scan_lines(compression);
+    let sample = PartOf { encoding: lines, ..part((2, 2)) }.filled(&["B", "R"], value);
+    let sample = file(vec![sample]);
+    let bytes = sample.bytes();
+    let source = source::Source::open(&sample.path).expect("a sound file");
+    let (head, _) = source.head();
+    let mut head = head.to_vec();
     // In the channel list: name, NUL, type, linearity and padding, sampling.
-    let channel = b"R\0\x02\0\0\0";
-    let at = bytes.windows(channel.len()).position(|w| w == channel).expect("the channel list");
+    let channel = b"B\0\x02\0\0\0";
+    let at = head.windows(channel.len()).position(|w| w == channel).expect("the channel list");
     for sampling in [at + 10, at + 14] {
-        bytes[sampling] = 2;
+        head[sampling] = 2;
     }
-    sample.replace(&bytes);
-    let error = read(&sample, &["R"]).unwrap_err().to_string();
-    assert!(error.contains("subsampled") && error.contains("sample.exr"), "{error}");
+    // One chunk per line, not compressed: B and R, then R alone.
+    let b = 9.0f32.to_le_bytes();
+    let r: Vec<[u8; 4]> = (0..4).map(|k| value(1, k).to_le_bytes()).collect();
+    let lines: [Vec<u8>; 2] = [[b, r[0], r[1]].concat(), [r[2], r[3]].concat()];
+    let mut offset = head.len() as u64 + 16;
+    let (mut table, mut chunks) = (Vec::new(), Vec::new());
+    for (y, line) in lines.iter().enumerate() {
+        table.extend(offset.to_le_bytes());
+        chunks.extend((y as i32).to_le_bytes());
+        chunks.extend((line.len() as i32).to_le_bytes());
+        chunks.extend(line);
+        offset += 8 + line.len() as u64;
+    }
+    assert!(bytes.len() > head.len());
+    sample.replace(&[head, table, chunks].concat());
+    sample
+}
+
+#[test]
+fn a_subsampled_channel_is_kept_and_no_other_suffers_from_it() {
+    for compression in [Compression::Uncompressed, Compression::ZIP1, Compression::RLE] {
+        let sample = subsampled(compression);
+        let pixels = read(&sample, &["R"]).expect("nobody wants B");
+        assert_eq!(pixels.channels["R"], (0..4).map(|k| value(1, k)).collect::<Vec<_>>());
+        let error = read(&sample, &["B"]).unwrap_err().to_string();
+        assert!(error.contains("subsampled") && error.contains("\"B\""), "{error}");
+
+        let copy = sample.folder.path().join("copy.exr");
+        let samples = [5.0, 6.0, 7.0, 8.0];
+        let window = Window::of_size((2, 2));
+        let new = [Replacement { channel: "R", window, samples: &samples }];
+        rewrite(&sample.path, &copy, &new, ("tamis", "test")).expect("writable");
+        let pixels = read_channels(&copy, &["R"], None, Unfinished::Refused).expect("sound");
+        assert_eq!(pixels.channels["R"], samples);
+        let bytes = std::fs::read(&copy).expect("written");
+        let b = 9.0f32.to_le_bytes();
+        assert!(bytes.windows(4).any(|window| window == b), "{compression}: B is lost");
+    }
 }
 
 #[test]
@@ -160,8 +208,9 @@ fn what_is_no_exr_file_says_so() {
     }
     assert!(matches!(read(&sample, &RGB), Err(ImageError::NotExr { .. })));
     let folder = sample.folder.path();
-    assert!(matches!(read_channels(folder, &RGB), Err(ImageError::Unsupported { .. })));
-    assert!(matches!(read_channels(Path::new("/no/such.exr"), &RGB), Err(ImageError::Io { .. })));
+    let read = |path| read_channels(path, &RGB, None, Unfinished::Refused);
+    assert!(matches!(read(folder), Err(ImageError::Unsupported { .. })));
+    assert!(matches!(read(Path::new("/no/such.exr")), Err(ImageError::Io { .. })));
 }
 
 #[test]
@@ -219,17 +268,122 @@ fn a_header_that_lies_about_its_size_allocates_nothing() {
 }
 
 #[test]
+fn a_render_that_was_not_finished_is_read_as_far_as_it_goes() {
+    for encoding in [scan_lines(Compression::ZIP1), tiles(Compression::ZIP16, (8, 4))] {
+        let sample = file(vec![PartOf { encoding, ..part((16, 12)) }.filled(&RGB, value)]);
+        let bytes = sample.bytes();
+        let source = source::Source::open(&sample.path).expect("a sound file");
+        let head = source.head().0.len();
+        let chunks = source.table(0).len();
+        // As a renderer leaves it that was killed: no offsets, and the last chunks missing.
+        let mut unfinished = bytes.clone();
+        unfinished[head..head + 8 * chunks].fill(0);
+        unfinished.truncate(source.table(0)[chunks - 2] as usize + 5);
+        sample.replace(&unfinished);
+        let error = read(&sample, &RGB).unwrap_err().to_string();
+        assert!(error.contains("not finished") && error.contains("--repair"), "{error}");
+        let read = |path: &Path| read_channels(path, &RGB, None, Unfinished::Zero);
+        let pixels = read(&sample.path).expect("some of it is there");
+        assert!((1..12).contains(&pixels.missing_rows), "{}", pixels.missing_rows);
+        assert_eq!(pixels.channels["R"][..32], (0..32).map(|k| value(0, k)).collect::<Vec<_>>());
+        assert_eq!(pixels.channels["R"].last(), Some(&0.0));
+
+        // What is written of it is whole.
+        let copy = sample.folder.path().join("copy.exr");
+        rewrite(&sample.path, &copy, &[], ("tamis", "test")).expect("writable");
+        let again = read_channels(&copy, &RGB, None, Unfinished::Refused).expect("whole");
+        assert_eq!(again.channels, pixels.channels);
+    }
+}
+
+#[test]
+fn a_table_without_offsets_is_made_anew() {
+    let sample = file(vec![part((16, 40)).filled(&RGB, value)]);
+    let source = source::Source::open(&sample.path).expect("a sound file");
+    let (head, chunks) = (source.head().0.len(), source.table(0).len());
+    let mut bytes = sample.bytes();
+    bytes[head..head + 8 * chunks].fill(0);
+    sample.replace(&bytes);
+    assert_rgb(&read(&sample, &RGB).expect("all of it is there"), (16, 40));
+}
+
+#[test]
+fn a_rewritten_file_is_the_old_one_but_for_what_was_replaced() {
+    let lossless = [
+        Compression::Uncompressed,
+        Compression::RLE,
+        Compression::ZIP1,
+        Compression::ZIP16,
+        Compression::PIZ,
+    ];
+    for compression in lossless {
+        for encoding in [scan_lines(compression), tiles(compression, (32, 16))] {
+            let named = |name, channels: &[&str]| {
+                let part = PartOf { name: Some(name), origin: (3, -5), encoding, ..part((70, 45)) };
+                part.filled(channels, value)
+            };
+            let sample = file(vec![
+                named("beauty", &["A", "B", "G", "R", "id"]),
+                named("other", &["R", "Z"]),
+            ]);
+            let header = Header::read(&sample.path).expect("a sound file");
+            let new: Vec<f32> = (0..70 * 45).map(|k| k as f32 * 0.25).collect();
+            let window = header.parts()[0].window;
+            let replaced = |channel| Replacement { channel, window, samples: &new };
+            let copy = sample.folder.path().join("copy.exr");
+            let both = [replaced("beauty.R"), replaced("beauty.B")];
+            let lost = rewrite(&sample.path, &copy, &both, ("tamis", "once")).expect("writable");
+            assert_eq!(lost, Lost::default());
+            let all: Vec<&str> = header.names().collect();
+            for name in all {
+                let read = |path| {
+                    let read = read_channels(path, &[name], None, Unfinished::Refused);
+                    read.expect("a sound file").channels.remove(name)
+                };
+                let expected = match name {
+                    "beauty.R" | "beauty.B" => Some(new.clone()),
+                    _ => read(&sample.path),
+                };
+                assert_eq!(read(&copy), expected, "{name}");
+            }
+            // Once more: the attribute is one, with the newer text.
+            let again = sample.folder.path().join("again.exr");
+            rewrite(&copy, &again, &both[..1], ("tamis", "twice")).expect("writable");
+            let bytes = std::fs::read(&again).expect("written");
+            let count = |what: &[u8]| bytes.windows(what.len()).filter(|w| *w == what).count();
+            assert_eq!((count(b"tamis\0string"), count(b"once"), count(b"twice")), (1, 0, 1));
+        }
+    }
+}
+
+#[test]
+fn halves_stay_finite_and_halves() {
+    let mut sample = part((2, 1));
+    sample.channels.push(("R".to_owned(), FlatSamples::F16(vec![f16::ONE; 2])));
+    let sample = file(vec![sample]);
+    let copy = sample.folder.path().join("copy.exr");
+    let window = Window::of_size((2, 1));
+    let new = [Replacement { channel: "R", window, samples: &[1e9, 0.1] }];
+    rewrite(&sample.path, &copy, &new, ("tamis", "test")).expect("writable");
+    let header = Header::read(&copy).expect("a sound file");
+    assert_eq!(header.parts()[0].channels[0].kind, SampleKind::Half);
+    let pixels = read_channels(&copy, &["R"], None, Unfinished::Refused).expect("a sound file");
+    assert_eq!(pixels.channels["R"], [65504.0, f16::from_f32(0.1).to_f32()]);
+}
+
+#[test]
 fn what_is_written_reads_back_with_the_sources_windows() {
     let window = PartOf { origin: (5, -3), ..part((9, 4)) }.filled(&RGB, value);
     let source = file(vec![window]);
     let pixels = read(&source, &RGB).expect("a sound file");
     let copy = source.folder.path().join("copy.exr");
     let rgb = RGB.map(|name| pixels.channels[name].as_slice());
-    write_rgb(&copy, (9, 4), rgb, Some(&pixels.attributes)).expect("writable");
-    assert_rgb(&read_channels(&copy, &RGB).expect("a sound file"), (9, 4));
-    assert_eq!(Header::read(&copy).expect("a sound file").parts()[0].origin, (5, -3));
+    write_rgb(&copy, (9, 4), rgb, pixels.attributes.as_ref()).expect("writable");
+    let again = read_channels(&copy, &RGB, None, Unfinished::Refused);
+    assert_rgb(&again.expect("a sound file"), (9, 4));
+    assert_eq!(Header::read(&copy).expect("a sound file").parts()[0].window.origin, (5, -3));
     write_rgb(&copy, (9, 4), rgb, None).expect("writable");
-    assert_eq!(Header::read(&copy).expect("a sound file").parts()[0].origin, (0, 0));
+    assert_eq!(Header::read(&copy).expect("a sound file").parts()[0].window.origin, (0, 0));
 
     let nowhere = Path::new("/no/such/folder/out.exr");
     let error = write_rgb(nowhere, (9, 4), rgb, None).unwrap_err().to_string();

@@ -1,6 +1,7 @@
 //! One made header per convention.
 
 use super::*;
+use crate::image::exr::Header;
 
 /// The channels found for a feature's value, without blanks.
 fn value(mapping: &Mapping, feature: Feature) -> String {
@@ -22,7 +23,7 @@ fn layers(layers: &[(&str, &str)]) -> Vec<String> {
 fn mapping(channels: &[(&str, &str)], spp: Option<u32>) -> Mapping {
     let names = layers(channels);
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    Mapping::of(&Header::made(&names, spp))
+    Mapping::of(&Listing::of(Header::made(&names, spp)))
 }
 
 use Feature::{Color, Depth, DirIllumination, Normal, SecTexture, Texture, WorldPosition};
@@ -34,7 +35,7 @@ fn our_own_names() {
         .flat_map(|f| f.row().channels.iter().chain(f.row().variance_channels))
         .copied()
         .collect();
-    let m = Mapping::of(&Header::made(&own, None));
+    let m = Mapping::of(&Listing::of(Header::made(&own, None)));
     assert_eq!(m.convention(), "Tamis");
     for feature in Feature::ALL {
         let row = feature.row();
@@ -196,8 +197,8 @@ fn a_single_layer_of_any_name_is_the_colour_and_several_are_not() {
     let one = mapping(&[("my render", "RGBA"), ("Depth", "Z")], None);
     assert_eq!(value(&one, Color), "my render.R,my render.G,my render.B");
     let several = mapping(&[("mine", "RGB"), ("yours", "RGB")], None);
-    let header = Header::made(&["mine.R"], None);
-    let error = several.color(&header).unwrap_err().to_string();
+    let listing = Listing::of(Header::made(&["mine.R"], None));
+    let error = several.color(&listing).unwrap_err().to_string();
     assert!(error.contains("mine.R") && error.contains("R G B"), "{error}");
     // What is known to be something else is not a colour.
     assert!(mapping(&[("Albedo", "RGB")], None).value(Color).is_none());

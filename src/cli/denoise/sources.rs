@@ -1,0 +1,111 @@
+//! Which channels of which files feed a filter, where names do not tell.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::expr::{Feature, Quantity};
+use crate::scene::listing::Aux;
+use crate::scene::mapping::{Said, Selection};
+
+/// Where features come from.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Channels and files")]
+pub(super) struct Sources {
+    /// What feeds a feature, where the layer's name does not tell: albedo=DiffuseFilter
+    /// (again, or with commas, for more). Features: color, albedo, normal, depth, position,
+    /// direct, secondaryAlbedo; variance is the color's, albedo.variance another's
+    #[arg(long, value_name = "FEATURE=LAYER", value_delimiter = ',', value_parser = said)]
+    map: Vec<Said>,
+
+    /// A file with the albedo in it: EXR, PFM, TIFF or PNG
+    #[arg(long, value_name = "FILE")]
+    albedo: Option<PathBuf>,
+
+    /// A file with the normals in it
+    #[arg(long, value_name = "FILE")]
+    normal: Option<PathBuf>,
+
+    /// A file with the depth in it
+    #[arg(long, value_name = "FILE")]
+    depth: Option<PathBuf>,
+
+    /// Another file with features in it, whose names or whose channels' names tell which
+    /// (again for more)
+    #[arg(long, value_name = "FILE")]
+    aux: Vec<PathBuf>,
+
+    /// This view of a stereo image alone [default: every view, each with its own features]
+    #[arg(long, value_name = "NAME")]
+    view: Option<String>,
+
+    /// This layer alone, of several that are pictures of their own (Blender's view layers)
+    /// [default: every one]
+    #[arg(long, value_name = "NAME")]
+    layer: Option<String>,
+}
+
+impl Sources {
+    /// What is selected of each frame.
+    pub(super) fn selection(&self) -> Selection {
+        Selection {
+            view: self.view.clone(),
+            layer: self.layer.clone(),
+            said: self.map.clone(),
+            samples: None,
+        }
+    }
+
+    /// The files beside a frame's own.
+    pub(super) fn aux(&self) -> Vec<Aux> {
+        let said = [
+            (&self.albedo, Feature::Texture),
+            (&self.normal, Feature::Normal),
+            (&self.depth, Feature::Depth),
+        ];
+        let said = said.into_iter().filter_map(|(path, feature)| {
+            Some(Aux { path: path.clone()?, feature: Some(feature) })
+        });
+        let other = self.aux.iter().map(|path| Aux { path: path.clone(), feature: None });
+        said.chain(other).collect()
+    }
+}
+
+/// Reads what somebody says of a layer.
+fn said(text: &str) -> Result<Said, String> {
+    let (term, layer) = text.split_once('=').ok_or("it must be FEATURE=LAYER")?;
+    let (term, quantity) = match (term, term.strip_suffix(".variance")) {
+        ("variance", _) => ("color", Quantity::Variance),
+        (_, Some(term)) => (term, Quantity::Variance),
+        ("colour", None) => ("color", Quantity::Value),
+        (term, None) => (term, Quantity::Value),
+    };
+    let feature = Feature::parse(term)
+        .filter(|&(feature, read)| feature.is_stored() && read == Quantity::Value);
+    let Some((feature, _)) = feature else {
+        return Err(format!(
+            "`{term}` is no feature; there are color, albedo, normal, depth, position, direct and \
+             secondaryAlbedo, and `variance`"
+        ));
+    };
+    if layer.is_empty() {
+        return Err(format!("no layer is named for `{term}`"));
+    }
+    Ok(Said { term: (feature, quantity), layer: layer.to_owned() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn features_have_the_fields_names() {
+        let term = |text: &str| said(text).map(|said| said.term);
+        assert_eq!(term("albedo=DiffuseFilter"), Ok((Feature::Texture, Quantity::Value)));
+        assert_eq!(term("variance=Var"), Ok((Feature::Color, Quantity::Variance)));
+        assert_eq!(term("albedo.variance=V"), Ok((Feature::Texture, Quantity::Variance)));
+        for wrong in ["albedo", "albedo=", "alb=x", "pixel=x", "cVariance=x"] {
+            assert!(said(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! What feeds a filter, in one line.
+
+use std::fmt;
+
+use crate::expr::{Feature, Quantity};
+use crate::scene::Target;
+
+/// Which channels feed which feature, what is absent, and what it would bring.
+pub struct Feeds<'a>(pub &'a Target);
+
+/// What `tamis` gains by features that are absent: the share of the error that would be left,
+/// measured on scenes that it was not tuned on (docs/filters/tamis.md).
+const GUIDES_LEAVE: &str = "a quarter of the error";
+const REST_LEAVES: &str = "a fifth of the error";
+
+impl fmt::Display for Feeds<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mapping = self.0.mapping();
+        let which = mapping.which().to_string();
+        if !which.is_empty() {
+            write!(f, "{which}: ")?;
+        }
+        write!(f, "named as {} does: ", mapping.convention())?;
+        let sources = mapping.sources().filter(|&(_, quantity, _)| quantity == Quantity::Value);
+        let mut told: Vec<String> = Vec::new();
+        for (feature, _, source) in sources {
+            let layer = layer(&source.channels);
+            let mut text = format!("{} from {layer}", feature.row().title);
+            if source.convention != mapping.convention() {
+                text.push_str(&format!(" ({})", source.convention));
+            }
+            told.push(text);
+        }
+        // The colour first, as people think of it.
+        told.sort_by_key(|text| !text.starts_with(Feature::Color.row().title));
+        let variances =
+            mapping.sources().filter(|&(_, quantity, _)| quantity == Quantity::Variance);
+        let variances: Vec<&str> = variances.map(|(feature, ..)| feature.row().title).collect();
+        if !variances.is_empty() {
+            told.push(format!("variances of {}", variances.join(", ")));
+        }
+        f.write_str(&told.join(", "))?;
+
+        let lacks = |feature: &Feature| mapping.value(*feature).is_none();
+        let guides = [Feature::Texture, Feature::Normal, Feature::Depth];
+        let absent: Vec<&str> =
+            guides.iter().filter(|f| lacks(f)).map(|feature| feature.row().title).collect();
+        let lacks_guides = lacks(&Feature::Texture) || lacks(&Feature::Normal);
+        let lacks_variance = mapping.variance(Feature::Color).is_none();
+        if absent.is_empty() && !lacks_variance {
+            return Ok(());
+        }
+        f.write_str("; absent: ")?;
+        f.write_str(&absent.join(", "))?;
+        if lacks_guides {
+            write!(f, ", which would take away {GUIDES_LEAVE}")?;
+            if !mapping.switches().is_empty() {
+                write!(f, " (switch on: {})", mapping.switches())?;
+            }
+        }
+        if lacks_variance {
+            let and = if absent.is_empty() { "" } else { "; " };
+            write!(f, "{and}variances (estimated)")?;
+            if !lacks_guides {
+                write!(f, ", which with direct light would take away {REST_LEAVES}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What channels have in common, or their names.
+fn layer(channels: &[String]) -> String {
+    let Some(first) = channels.first() else { return String::new() };
+    match first.rsplit_once('.') {
+        Some((layer, _)) if channels.len() > 1 => layer.to_owned(),
+        _ => channels.join(" "),
+    }
+}

@@ -1,0 +1,75 @@
+//! Results as files: like the file that was read, but with other colours.
+
+use std::path::Path;
+
+use super::{DenoiseError, Denoised, Picture};
+use crate::image::exr::{Lost, Replacement, rewrite};
+use crate::image::files::Format;
+use crate::scene::SceneError;
+
+/// The attribute that says how a file was filtered.
+pub const ATTRIBUTE: &str = "tamis";
+
+impl Denoised {
+    /// Writes an OpenEXR file. If one was read, it is that file with filtered colours: other
+    /// channels, parts, views, types, compression, windows and attributes stay as they are, and
+    /// an attribute says what was done. Gives what was lost all the same.
+    ///
+    /// # Errors
+    /// If the file cannot be written; what was there before then still is.
+    pub fn save(&self, path: &Path) -> Result<Lost, DenoiseError> {
+        let first = &self.pictures[0];
+        if first.target.listing().header().format() != Format::Exr {
+            first.image.save(path).map_err(SceneError::from)?;
+            return Ok(Lost::default());
+        }
+        let grey: Vec<Option<Vec<f32>>> = self.pictures.iter().map(grey).collect();
+        let mut replacements = Vec::new();
+        for (picture, grey) in self.pictures.iter().zip(&grey) {
+            let window = picture.target.window()?;
+            let channels = picture.image.channels().iter();
+            match grey {
+                Some(samples) => {
+                    let channel = picture.image.channels()[0].as_str();
+                    replacements.push(Replacement { channel, window, samples });
+                }
+                None => replacements.extend(
+                    channels.zip(picture.image.rgb()).map(|(channel, samples)| Replacement {
+                        channel,
+                        window,
+                        samples,
+                    }),
+                ),
+            }
+        }
+        let source = first.target.path();
+        let lost = rewrite(source, path, &replacements, (ATTRIBUTE, &self.provenance()));
+        Ok(lost.map_err(SceneError::from)?)
+    }
+
+    /// What made the result: the program, the filter and its fingerprint, the back end and its
+    /// precision.
+    fn provenance(&self) -> String {
+        let version = env!("CARGO_PKG_VERSION");
+        let mut filters: Vec<String> = Vec::new();
+        for Picture { chosen, .. } in &self.pictures {
+            let filter = &chosen.filter;
+            let name = format!("filter {} ({:016x})", filter.name, filter.fingerprint());
+            if !filters.contains(&name) {
+                filters.push(name);
+            }
+        }
+        let (backend, precision) = (self.backend, self.precision.name());
+        format!("tamis {version}, {}, {backend}, {precision}", filters.join(", "))
+    }
+}
+
+/// The samples of a grey picture, whose channels are one in the file.
+fn grey(picture: &Picture) -> Option<Vec<f32>> {
+    let [r, g, b] = picture.image.channels();
+    (r == g && g == b).then(|| {
+        let [r, g, b] = picture.image.rgb();
+        // Guides may have colours, so that the three differ.
+        r.iter().zip(g).zip(b).map(|((r, g), b)| (r + g + b) / 3.0).collect()
+    })
+}
