@@ -126,9 +126,9 @@ pub(super) enum Error {
         /// Why.
         source: io::Error,
     },
-    /// Ctrl-C cannot be caught.
-    #[error("cannot listen for Ctrl-C: {0}")]
-    Signal(#[from] ctrlc::Error),
+    /// Signals cannot be caught.
+    #[error("cannot listen for signals such as Ctrl-C: {0}")]
+    Signal(io::Error),
     /// The threads could not be started.
     #[error("cannot start {threads} threads: {source}; ask for fewer with --threads")]
     Threads {

@@ -148,7 +148,10 @@ pub fn main() -> ExitCode {
     let started = Instant::now();
     let line = CommandLine::parse();
     let log = Log::new(line.quiet);
-    match set_threads(line.threads).and_then(|()| line.command.run(log, started)).and_then(print) {
+    let run = interrupt::listen()
+        .and_then(|()| set_threads(line.threads))
+        .and_then(|()| line.command.run(log, started));
+    match run.and_then(print) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {

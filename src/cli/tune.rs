@@ -280,7 +280,7 @@ impl Tune {
         log: Log,
     ) -> Result<Outcome, Error> {
         let control = Control {
-            stop: interrupt::flag(log, "stopping after this step")?,
+            stop: interrupt::flag(log, "stopping after this step"),
             time_limit: self.max_time.map(|seconds| Duration::from_secs(seconds.into())),
             checkpoints: Some(Checkpoints {
                 path: self.beside("json"),

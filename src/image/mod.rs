@@ -6,10 +6,12 @@
 
 mod error;
 pub mod exr;
+mod leftovers;
 pub mod metric;
 mod output;
 #[cfg(test)]
 pub(crate) mod sample;
+mod temporary;
 
 use std::path::Path;
 
@@ -17,6 +19,7 @@ pub use error::ImageError;
 pub use exr::Attributes;
 pub use metric::{Comparison, Metrics};
 pub use output::write_atomically;
+pub use temporary::{Temporary, remove_temporary_files};
 
 use crate::expr::builder::LIMIT;
 use exr::write_rgb;

@@ -191,7 +191,7 @@ impl Evolve {
         settings: &Settings,
         log: Log,
     ) -> Result<Outcome, Error> {
-        let stop = interrupt::flag(log, "stopping: judging the best so far")?;
+        let stop = interrupt::flag(log, "stopping: judging the best so far");
         let time_limit = self.max_time.map(|seconds| Duration::from_secs(seconds.into()));
         let control = Control {
             stop,
