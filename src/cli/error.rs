@@ -85,14 +85,51 @@ pub(super) enum Error {
         /// Each with the system's reason, on a line of its own.
         listing: String,
     },
+    /// What an argument stands for is not there.
+    #[error("{name}: nothing was found: {reason}")]
+    NothingFound {
+        /// The argument.
+        name: String,
+        /// Why.
+        reason: String,
+    },
+    /// Frames that were asked for are not there.
+    #[error(
+        "{name}: nothing was done, as there are no frames {frames}, which --frames names; \
+         --keep-going goes on without them"
+    )]
+    MissingFrames {
+        /// The argument.
+        name: String,
+        /// Their numbers.
+        frames: String,
+    },
     /// Some of several frames failed, each with an error of its own.
-    #[error("{failed} of {of} frames failed")]
+    #[error("{failed} of {of} frames failed:{listing}")]
     Frames {
         /// How many.
         failed: usize,
         /// Of how many.
         of: usize,
+        /// Each with its reason, on a line of its own.
+        listing: String,
     },
+    /// An error about a file that nobody named, with the name that people know.
+    #[error("{text}")]
+    Renamed {
+        /// What the error says, causes included.
+        text: String,
+        /// Its exit status.
+        status: u8,
+    },
+    /// Standard input could not be kept, or no place made for a result that goes to
+    /// standard output.
+    #[error(
+        "{folder}: cannot keep what goes through standard input or output: {0}; set TMPDIR to \
+         another folder",
+        folder = std::env::temp_dir().display()
+    )]
+    Stream(io::Error),
     /// A filter could not be exported.
     #[error(transparent)]
     Export(#[from] ExportError),
@@ -155,6 +192,20 @@ impl From<tune::Error> for Error {
 }
 
 impl Error {
+    /// What went wrong with its causes, as far as it does not name them itself.
+    pub(super) fn with_causes(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = std::error::Error::source(self);
+        while let Some(error) = cause {
+            let detail = error.to_string();
+            if !text.contains(&detail) {
+                text = format!("{text}: {detail}");
+            }
+            cause = error.source();
+        }
+        text
+    }
+
     /// The exit status that says so.
     pub(super) fn status(&self) -> u8 {
         match self {
@@ -166,6 +217,7 @@ impl Error {
             | Self::Radius(_)
             | Self::Denoise(DenoiseError::Radius(_))
             | Self::Search(evolve::Error::Setting { .. }) => 2,
+            Self::Renamed { status, .. } => *status,
             Self::Tuning(error) if matches!(**error, tune::Error::Setting { .. }) => 2,
             Self::Scene(_)
             | Self::Image(_)
@@ -177,7 +229,10 @@ impl Error {
             | Self::Denoise(_)
             | Self::NoMachineCode { .. }
             | Self::MissingInputs { .. }
+            | Self::NothingFound { .. }
+            | Self::MissingFrames { .. }
             | Self::Frames { .. }
+            | Self::Stream(_)
             | Self::Export(_)
             | Self::NoProgram { .. }
             | Self::Program { .. }

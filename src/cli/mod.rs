@@ -58,7 +58,7 @@ struct CommandLine {
     #[arg(long, global = true, value_name = "N")]
     threads: Option<NonZeroUsize>,
 
-    /// Write nothing but errors to stderr
+    /// Write nothing but errors and warnings to stderr
     #[arg(long, short, global = true)]
     quiet: bool,
 
