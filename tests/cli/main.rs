@@ -1,6 +1,7 @@
 //! The program as people meet it: arguments in; text, files and an exit status
 //! out.
 
+mod documents;
 mod exports;
 mod frames;
 mod place;
