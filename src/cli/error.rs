@@ -45,8 +45,8 @@ pub(super) enum Error {
     /// The search failed on the way, and can go on later.
     #[error(
         "the search stopped, as expressions could not be judged: {source}; what was judged \
-         before is in {checkpoint}: `tamis evolve --resume` with the same --scenes and --out \
-         goes on from there",
+         before is in {checkpoint}: `tamis evolve --resume` with the same --out goes on from \
+         there",
         checkpoint = checkpoint.display()
     )]
     Interrupted {
@@ -75,6 +75,25 @@ pub(super) enum Error {
     #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] crate::backend::gpu::GpuError),
+    /// Results of an older run would be replaced.
+    #[error(
+        "{run}: there is an older run here; go on with it (--resume), write elsewhere \
+         ({option}), or replace it (--overwrite)"
+    )]
+    OlderRun {
+        /// Its folder, or its checkpoint.
+        run: String,
+        /// The option that names where results go.
+        option: &'static str,
+    },
+    /// The list of a run's scenes cannot be read.
+    #[error("{path}: not the list of a run's scenes: {source}; name them with --scenes")]
+    Recall {
+        /// The file.
+        path: String,
+        /// Why not.
+        source: serde_json::Error,
+    },
     /// Some of several inputs are not there.
     #[error("nothing was done, as {missing} of {of} inputs cannot be found:{listing}")]
     MissingInputs {
@@ -229,6 +248,8 @@ impl Error {
             | Self::Denoise(_)
             | Self::NoMachineCode { .. }
             | Self::MissingInputs { .. }
+            | Self::OlderRun { .. }
+            | Self::Recall { .. }
             | Self::NothingFound { .. }
             | Self::MissingFrames { .. }
             | Self::Frames { .. }

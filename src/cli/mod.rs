@@ -32,6 +32,7 @@ mod log;
 mod man;
 mod measure;
 mod options;
+mod recall;
 mod resolve;
 mod scenes;
 mod score;
