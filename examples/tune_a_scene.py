@@ -93,7 +93,7 @@ def main():
     steps = ["--steps", str(arguments.steps), "--interval", str(max(arguments.steps // 10, 1))]
     # It starts near where it is to go.
     rates = ["--rate", "0.005", "--layer-rate", "0.001", "--crop", "64"]
-    subprocess.run([arguments.tamis, "tune", arguments.filter, *sets, "-o", tuned, *steps, *rates], check=True)
+    subprocess.run([arguments.tamis, "tune", arguments.filter, *sets, "-o", tuned, "--overwrite", *steps, *rates], check=True)
     score = ["score", "--scenes", arguments.out / "validate", "--filters", arguments.filter, tuned]
     subprocess.run([arguments.tamis, *score], check=True)
 

@@ -13,7 +13,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 cargo build --release
 tamis=target/release/tamis
-"$tamis" evolve --preset quick --out out
+"$tamis" evolve --preset quick --out out --overwrite
 "$tamis" score --markdown --scenes data/test "$@" \
     --filters bilateral cross-bilateral kan2017 out/best.toml tamis-2 tamis-formula tamis-fast tamis \
     > out/results.md

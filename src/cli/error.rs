@@ -45,8 +45,8 @@ pub(super) enum Error {
     /// The search failed on the way, and can go on later.
     #[error(
         "the search stopped, as expressions could not be judged: {source}; what was judged \
-         before is in {checkpoint}: `tamis evolve --resume` with the same --scenes and --out \
-         goes on from there",
+         before is in {checkpoint}: `tamis evolve --resume` with the same --out goes on from \
+         there",
         checkpoint = checkpoint.display()
     )]
     Interrupted {
@@ -75,6 +75,25 @@ pub(super) enum Error {
     #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] crate::backend::gpu::GpuError),
+    /// Results of an older run would be replaced.
+    #[error(
+        "{run}: there is an older run here; go on with it (--resume), write elsewhere \
+         ({option}), or replace it (--overwrite)"
+    )]
+    OlderRun {
+        /// Its folder, or its checkpoint.
+        run: String,
+        /// The option that names where results go.
+        option: &'static str,
+    },
+    /// The list of a run's scenes cannot be read.
+    #[error("{path}: not the list of a run's scenes: {source}; name them with --scenes")]
+    Recall {
+        /// The file.
+        path: String,
+        /// Why not.
+        source: serde_json::Error,
+    },
     /// Some of several inputs are not there.
     #[error("nothing was done, as {missing} of {of} inputs cannot be found:{listing}")]
     MissingInputs {
@@ -85,14 +104,51 @@ pub(super) enum Error {
         /// Each with the system's reason, on a line of its own.
         listing: String,
     },
+    /// What an argument stands for is not there.
+    #[error("{name}: nothing was found: {reason}")]
+    NothingFound {
+        /// The argument.
+        name: String,
+        /// Why.
+        reason: String,
+    },
+    /// Frames that were asked for are not there.
+    #[error(
+        "{name}: nothing was done, as there are no frames {frames}, which --frames names; \
+         --keep-going goes on without them"
+    )]
+    MissingFrames {
+        /// The argument.
+        name: String,
+        /// Their numbers.
+        frames: String,
+    },
     /// Some of several frames failed, each with an error of its own.
-    #[error("{failed} of {of} frames failed")]
+    #[error("{failed} of {of} frames failed:{listing}")]
     Frames {
         /// How many.
         failed: usize,
         /// Of how many.
         of: usize,
+        /// Each with its reason, on a line of its own.
+        listing: String,
     },
+    /// An error about a file that nobody named, with the name that people know.
+    #[error("{text}")]
+    Renamed {
+        /// What the error says, causes included.
+        text: String,
+        /// Its exit status.
+        status: u8,
+    },
+    /// Standard input could not be kept, or no place made for a result that goes to
+    /// standard output.
+    #[error(
+        "{folder}: cannot keep what goes through standard input or output: {0}; set TMPDIR to \
+         another folder",
+        folder = std::env::temp_dir().display()
+    )]
+    Stream(io::Error),
     /// A filter could not be exported.
     #[error(transparent)]
     Export(#[from] ExportError),
@@ -126,9 +182,9 @@ pub(super) enum Error {
         /// Why.
         source: io::Error,
     },
-    /// Ctrl-C cannot be caught.
-    #[error("cannot listen for Ctrl-C: {0}")]
-    Signal(#[from] ctrlc::Error),
+    /// Signals cannot be caught.
+    #[error("cannot listen for signals such as Ctrl-C: {0}")]
+    Signal(io::Error),
     /// The threads could not be started.
     #[error("cannot start {threads} threads: {source}; ask for fewer with --threads")]
     Threads {
@@ -155,6 +211,20 @@ impl From<tune::Error> for Error {
 }
 
 impl Error {
+    /// What went wrong with its causes, as far as it does not name them itself.
+    pub(super) fn with_causes(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = std::error::Error::source(self);
+        while let Some(error) = cause {
+            let detail = error.to_string();
+            if !text.contains(&detail) {
+                text = format!("{text}: {detail}");
+            }
+            cause = error.source();
+        }
+        text
+    }
+
     /// The exit status that says so.
     pub(super) fn status(&self) -> u8 {
         match self {
@@ -166,6 +236,7 @@ impl Error {
             | Self::Radius(_)
             | Self::Denoise(DenoiseError::Radius(_))
             | Self::Search(evolve::Error::Setting { .. }) => 2,
+            Self::Renamed { status, .. } => *status,
             Self::Tuning(error) if matches!(**error, tune::Error::Setting { .. }) => 2,
             Self::Scene(_)
             | Self::Image(_)
@@ -177,7 +248,12 @@ impl Error {
             | Self::Denoise(_)
             | Self::NoMachineCode { .. }
             | Self::MissingInputs { .. }
+            | Self::OlderRun { .. }
+            | Self::Recall { .. }
+            | Self::NothingFound { .. }
+            | Self::MissingFrames { .. }
             | Self::Frames { .. }
+            | Self::Stream(_)
             | Self::Export(_)
             | Self::NoProgram { .. }
             | Self::Program { .. }

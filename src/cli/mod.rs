@@ -2,10 +2,11 @@
 //!
 //! What holds of every command:
 //! - What it finds out goes to stdout, and nothing else does: a command
-//!   *returns* its text (or bytes), and [`main`] prints it. Progress and remarks go to
-//!   stderr, through `Log`.
+//!   *returns* its text (or bytes), and [`main`] prints it; `denoise` alone writes lines and
+//!   images as they are done. Progress and remarks go to stderr, through `Log`.
 //! - The exit status is 0 if the work is done, 1 if it failed, 2 if the command
 //!   line is wrong. What `stress` finds may be bad enough for a 1, too.
+//!   A signal that ends the program makes it 128 and the signal's number.
 //! - Errors name the file or the option at fault and say what to do.
 //! - Files appear whole or not at all.
 //! - No result depends on the number of threads.
@@ -14,6 +15,7 @@ mod apply;
 mod backend;
 mod bench;
 mod compare;
+mod completions;
 mod denoise;
 mod error;
 mod evolve;
@@ -27,8 +29,10 @@ mod inspect;
 mod interrupt;
 mod language;
 mod log;
+mod man;
 mod measure;
 mod options;
+mod recall;
 mod resolve;
 mod scenes;
 mod score;
@@ -41,7 +45,7 @@ use std::num::NonZeroUsize;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use error::Error;
 use log::Log;
@@ -58,7 +62,7 @@ struct CommandLine {
     #[arg(long, global = true, value_name = "N")]
     threads: Option<NonZeroUsize>,
 
-    /// Write nothing but errors to stderr
+    /// Write nothing but errors and warnings to stderr
     #[arg(long, short, global = true)]
     quiet: bool,
 
@@ -105,6 +109,10 @@ enum Command {
     Gpus(gpus::Gpus),
     /// Explain the operators and features of expressions
     Language(language::Language),
+    /// Write a shell's completions of commands and options to stdout
+    Completions(completions::Completions),
+    /// Write manual pages, one per command
+    Man(man::Manual),
 }
 
 /// What a command found out.
@@ -138,6 +146,8 @@ impl Command {
             Self::Export(command) => return command.run().map(Report::from),
             Self::Stress(command) => return command.run(log),
             Self::Language(command) => command.run(),
+            Self::Completions(command) => return Ok(command.run(CommandLine::command()).into()),
+            Self::Man(command) => command.run(CommandLine::command(), log),
         };
         text.map(|text| text.into_bytes().into())
     }
@@ -148,7 +158,10 @@ pub fn main() -> ExitCode {
     let started = Instant::now();
     let line = CommandLine::parse();
     let log = Log::new(line.quiet);
-    match set_threads(line.threads).and_then(|()| line.command.run(log, started)).and_then(print) {
+    let run = interrupt::listen()
+        .and_then(|()| set_threads(line.threads))
+        .and_then(|()| line.command.run(log, started));
+    match run.and_then(print) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
@@ -176,10 +189,10 @@ fn print(Report { bytes, good }: Report) -> Result<bool, Error> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
+    use super::*;
 
     #[test]
     fn the_command_line_is_consistent() {
-        super::CommandLine::command().debug_assert();
+        CommandLine::command().debug_assert();
     }
 }

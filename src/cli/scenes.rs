@@ -1,6 +1,6 @@
 //! What `--scenes` means: folders to search, or pairs of files.
 
-use std::path::{Path, PathBuf};
+use std::path::{self, Path, PathBuf};
 
 use super::error::Error;
 use crate::scene::{SceneFiles, discover};
@@ -28,6 +28,20 @@ pub(super) fn find(arguments: &[PathBuf]) -> Result<Vec<SceneFiles>, Error> {
     Ok(scenes)
 }
 
+/// An argument that stands for the same scenes in whatever folder the program runs.
+pub(super) fn absolute(argument: &Path) -> PathBuf {
+    let whole = |path: &Path| path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    match pair(argument) {
+        Some((noisy, reference)) => {
+            let mut both = whole(&noisy).into_os_string();
+            both.push(",");
+            both.push(whole(&reference));
+            both.into()
+        }
+        None => whole(argument),
+    }
+}
+
 /// Two files named with a comma between them; a path that exists is never two.
 fn pair(argument: &Path) -> Option<(PathBuf, PathBuf)> {
     if argument.exists() {
@@ -49,5 +63,15 @@ mod tests {
         assert_eq!(scenes[0].name, "room");
         assert_eq!(scenes[0].reference, Path::new("other/clean.exr"));
         assert!(find(&[PathBuf::from("no/such/folder")]).is_err());
+    }
+
+    #[test]
+    fn both_files_of_a_pair_are_made_absolute() {
+        let here = std::env::current_dir().expect("there is one");
+        let mut both = here.join("a.exr").into_os_string();
+        both.push(",");
+        both.push(here.join("b.exr"));
+        assert_eq!(absolute(Path::new("a.exr,b.exr")), PathBuf::from(both));
+        assert_eq!(absolute(Path::new("src")), here.join("src"));
     }
 }

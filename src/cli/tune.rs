@@ -9,6 +9,7 @@ use indicatif::ProgressBar;
 use super::backend::{LanesArgs, Processor};
 use super::error::Error;
 use super::log::Log;
+use super::recall::Recall;
 use super::{interrupt, resolve, scenes};
 use crate::backend::{Backend, Differentiator, Interpreter};
 use crate::filter::Filter;
@@ -23,7 +24,7 @@ use crate::tune::{
 const EXAMPLES: &str = "\
 Examples:
   tamis tune tamis --scenes shots/train --validate shots/check -o mine.toml
-  tamis tune mine.toml --scenes shots/train -o mine.toml --steps 20000 --resume
+  tamis tune tamis -o mine.toml --resume
   tamis denoise frame.exr -o clean.exr --filter mine.toml
 
 A scene is a folder with reference.exr and 4spp.exr, or 1spp.exr, 16spp.exr and so on;
@@ -33,8 +34,11 @@ their logarithms.
 
 Writes the filter, and beside it its history (.csv), a chart of it (.svg) and a
 checkpoint (.json), all named after it. Ctrl-C ends the run with what is best so far
-written; --resume goes on from there. The same seed finds the same constants with any
+written; --resume goes on from there, on the same scenes. The same seed finds the same constants with any
 number of threads.";
+
+/// What the list of a run's scenes is called after the output.
+const SCENES: &str = "scenes.json";
 
 /// Tune a program's constants on scenes, by gradients.
 #[derive(Debug, Args)]
@@ -46,7 +50,7 @@ pub(super) struct Tune {
 
     /// Folders with 4spp.exr (or the like) and reference.exr in or below them, or pairs of
     /// files
-    #[arg(long, num_args = 1.., value_name = scenes::VALUE, required = true)]
+    #[arg(long, num_args = 1.., value_name = scenes::VALUE, required_unless_present = "resume")]
     scenes: Vec<PathBuf>,
 
     /// Scenes that are not tuned on: the constants that are best there are the result
@@ -60,6 +64,10 @@ pub(super) struct Tune {
     /// Go on from the checkpoint beside the output
     #[arg(long)]
     resume: bool,
+
+    /// Replace what an older run left beside the output
+    #[arg(long, conflicts_with = "resume")]
+    overwrite: bool,
 
     /// End the run after so many seconds
     #[arg(long, value_name = "SECONDS")]
@@ -212,18 +220,24 @@ impl Tune {
                 given.join(", ")
             )));
         }
+        let checkpoint = self.beside("json");
+        if checkpoint.exists() && !self.resume && !self.overwrite {
+            let run = checkpoint.display().to_string();
+            return Err(Error::OlderRun { run, option: "--output" });
+        }
+        let (scenes, validate) = self.scenes()?;
         let checkpoint = match self.resume {
-            true => Some(Checkpoint::read(&self.beside("json"))?),
+            true => Some(Checkpoint::read(&checkpoint)?),
             false => None,
         };
         // A filter that cannot be read does not cost the time to load a hundred scenes.
         let mut settings = Settings::default();
         self.parameters.apply(&mut settings);
         settings.validate()?;
-        let training = load(&self.scenes, &filter)?;
-        let validation = match self.validate.is_empty() {
+        let training = load(&scenes, &filter)?;
+        let validation = match validate.is_empty() {
             true => Vec::new(),
-            false => load(&self.validate, &filter)?,
+            false => load(&validate, &filter)?,
         };
         if validation.is_empty() {
             log.say("no validation scenes: the result is the average of the last constants");
@@ -244,6 +258,7 @@ impl Tune {
             number::plural(validation.len(), "scene"),
             tuner.feature_sets().join("; "),
         ));
+        Recall::of(&scenes, &validate).write(&self.beside(SCENES))?;
         let outcome = self.tune(&mut tuner, log)?;
         let origin = training_table(tuner.settings(), &outcome, &filter, &training, &validation);
         let name = self.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -269,6 +284,22 @@ impl Tune {
         ))
     }
 
+    /// The scenes to tune on and to judge by, as arguments; those of a run that goes on are
+    /// remembered.
+    fn scenes(&self) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Error> {
+        let mut arguments = (self.scenes.clone(), self.validate.clone());
+        if self.resume {
+            let remembered = Recall::read(&self.beside(SCENES))?;
+            if arguments.0.is_empty() {
+                arguments.0 = remembered.scenes();
+            }
+            if arguments.1.is_empty() {
+                arguments.1 = remembered.validate();
+            }
+        }
+        Ok(arguments)
+    }
+
     /// A file named after the output.
     fn beside(&self, extension: &str) -> PathBuf {
         self.output.with_extension(extension)
@@ -280,7 +311,7 @@ impl Tune {
         log: Log,
     ) -> Result<Outcome, Error> {
         let control = Control {
-            stop: interrupt::flag(log, "stopping after this step")?,
+            stop: interrupt::flag(log, "stopping after this step"),
             time_limit: self.max_time.map(|seconds| Duration::from_secs(seconds.into())),
             checkpoints: Some(Checkpoints {
                 path: self.beside("json"),

@@ -16,6 +16,18 @@ pub enum DenoiseError {
     /// The filter has no such radius.
     #[error(transparent)]
     Radius(#[from] ResizeError),
+    /// Layers cannot be filtered by a filter's weights.
+    #[error(
+        "{path}: filter `{filter}` gives no weighted mean of the colour, so that no other layer \
+         can be filtered by its weights; leave out --layers and --alpha filter, or take another",
+        path = path.display()
+    )]
+    Carries {
+        /// The file.
+        path: PathBuf,
+        /// The filter.
+        filter: String,
+    },
     /// The filter cannot be planned.
     #[error("{scene}: filter `{filter}` cannot be applied: {source}")]
     Plan {

@@ -25,13 +25,15 @@ mod whole;
 
 use std::path::Path;
 
+use glob::Pattern;
+
 use crate::backend::Backend;
 use crate::filter::Filter;
 use crate::image::Image;
 use crate::plan::{Passes, Precision};
 use crate::scene::listing::Aux;
 use crate::scene::mapping::Selection;
-use crate::scene::{LoadOptions, Note, Scene, SpilledScene, Target, Weight};
+use crate::scene::{LayerChannels, LoadOptions, Note, Scene, SpilledScene, Target, Weight};
 
 pub use choice::{Chosen, Why};
 pub use code::{Applied, Code, apply};
@@ -52,6 +54,10 @@ pub struct Options {
     pub load: LoadOptions,
     /// Which pictures of a frame, and what channels are.
     pub selection: Selection,
+    /// Layers beside the colour, by their names, that are filtered by the same weights.
+    pub layers: Vec<Pattern>,
+    /// Whether the alpha is filtered by the same weights, rather than kept.
+    pub filters_alpha: bool,
     /// How much of the result is taken, between 0 and 1, and how little of the noisy colour;
     /// if nothing is said, all.
     pub strength: Option<f32>,
@@ -75,6 +81,8 @@ struct Loaded {
     target: Target,
     pixels: Pixels,
     chosen: Chosen,
+    /// The filter of its layers, if there are any.
+    carrying: Option<Filter>,
 }
 
 enum Pixels {
@@ -100,6 +108,8 @@ pub struct Picture {
     pub target: Target,
     /// The result.
     pub image: Image,
+    /// Layers that were filtered by the same weights.
+    pub layers: Vec<Image>,
     /// What it was filtered with.
     pub chosen: Chosen,
     /// What was done to the scene on the way in.
@@ -148,12 +158,34 @@ impl<'a> Denoiser<'a> {
     ) -> Result<Loaded, DenoiseError> {
         let chosen = self.choose(&target)?;
         let checked = chosen.filter.check().expect("only filters that make sense are chosen");
-        let (needs, reach) = (checked.needs(), checked.reach());
+        let (mut needs, mut reach) = (checked.needs(), checked.reach());
+        let mut layers = target.layers(&self.options.layers)?;
+        if let Some(alpha) = target.alpha().filter(|_| self.options.filters_alpha) {
+            let channels = [(); 3].map(|()| alpha.clone());
+            layers.push(LayerChannels { name: alpha, channels });
+        }
+        let carrying = match layers.is_empty() {
+            true => None,
+            false => Some(chosen.filter.carrying().ok_or_else(|| DenoiseError::Carries {
+                path: target.path().to_owned(),
+                filter: chosen.filter.name.clone(),
+            })?),
+        };
+        if let Some(carrying) = &carrying {
+            let checked = carrying.check().expect("it was checked when it was made");
+            needs = needs.union(checked.needs());
+            reach = reach.max(checked.reach());
+        }
         let load = &self.options.load;
         let spilled = match max_memory {
             None => false,
             Some(max_memory) => {
-                let Weight { in_memory, least } = Weight::of(&target, &needs, load)?;
+                let Weight { mut in_memory, mut least } = Weight::of(&target, &needs, load)?;
+                if !layers.is_empty() {
+                    // Layers are filtered in memory alone, beside a copy of the scene.
+                    in_memory *= 2;
+                    least = in_memory;
+                }
                 if least > max_memory {
                     let path = target.path().to_owned();
                     return Err(DenoiseError::TooLittleMemory { path, max_memory, least });
@@ -162,10 +194,10 @@ impl<'a> Denoiser<'a> {
             }
         };
         let pixels = match spilled {
-            false => Pixels::InMemory(Box::new(Scene::of(&target, &needs, reach, load)?)),
+            false => Pixels::InMemory(Box::new(Scene::of(&target, &layers, &needs, reach, load)?)),
             true => Pixels::Spilled(Box::new(SpilledScene::load(&target, &needs, reach, load)?)),
         };
-        Ok(Loaded { target, pixels, chosen })
+        Ok(Loaded { target, pixels, chosen, carrying })
     }
 
     /// Filters a frame.
@@ -180,13 +212,19 @@ impl<'a> Denoiser<'a> {
     }
 
     fn filter_picture(&self, loaded: Loaded) -> Result<Picture, DenoiseError> {
-        let Loaded { target, pixels, chosen } = loaded;
+        let Loaded { target, pixels, chosen, carrying } = loaded;
         let filter = &chosen.filter;
         let (passes, strength) = (self.options.passes, self.options.strength.unwrap_or(1.0));
-        let (image, applied, notes) = match pixels {
+        let mut layers = Vec::new();
+        let (image, mut applied, notes) = match pixels {
             Pixels::InMemory(scene) => {
+                let scene = if self.options.filters_alpha { scene.without_alpha() } else { *scene };
                 let (image, applied) = apply(filter, &scene, self.backend, passes, strength)?;
-                (image, applied, scene.notes().to_vec())
+                let notes = scene.notes().to_vec();
+                if let Some(carrying) = &carrying {
+                    layers = self.filter_layers(&target, carrying, scene)?;
+                }
+                (image, applied, notes)
             }
             Pixels::Spilled(scene) => {
                 let max_memory = self.options.max_memory.unwrap_or(u64::MAX);
@@ -195,9 +233,55 @@ impl<'a> Denoiser<'a> {
                 (image, applied, scene.notes().to_vec())
             }
         };
-        let window = target.window()?;
-        let image = image.with_channels(target.color_channels()?).with_origin(window.origin);
-        Ok(Picture { target, image, chosen, notes, applied })
+        for (_, took) in &layers {
+            applied.planning += took.planning;
+            applied.compilation += took.compilation;
+            applied.filtering += took.filtering;
+        }
+        let origin = target.window()?.origin;
+        let layers: Vec<Image> =
+            layers.into_iter().map(|(layer, _)| layer.with_origin(origin)).collect();
+        let mut image = image.with_channels(target.color_channels()?).with_origin(origin);
+        if let Some(alpha) = layers.last().filter(|_| self.filters_alpha_of(&target)) {
+            image = image.with_alpha(Some(alpha.rgb()[0].to_vec()));
+        }
+        Ok(Picture { target, image, layers, chosen, notes, applied })
+    }
+}
+
+impl Denoiser<'_> {
+    fn filters_alpha_of(&self, target: &Target) -> bool {
+        self.options.filters_alpha && target.alpha().is_some()
+    }
+
+    /// Filters the layers of a scene; the alpha is the last of them, if it is one.
+    fn filter_layers(
+        &self,
+        target: &Target,
+        carrying: &Filter,
+        mut scene: Scene,
+    ) -> Result<Vec<(Image, Applied)>, DenoiseError> {
+        let (passes, strength) = (self.options.passes, self.options.strength.unwrap_or(1.0));
+        let layers: Vec<LayerChannels> = scene.layers().cloned().collect();
+        let mut filtered = Vec::with_capacity(layers.len());
+        for (k, LayerChannels { channels, .. }) in layers.iter().enumerate() {
+            scene = scene.with_layer(k);
+            let (mut layer, applied) = apply(carrying, &scene, self.backend, passes, strength)?;
+            if k + 1 == layers.len() && self.filters_alpha_of(target) {
+                // Light is divided by the albedo and multiplied by it again, which keeps what
+                // is lit evenly. What covers a pixel is not lit: it is kept where it is even.
+                scene = scene.with_white();
+                let (white, _) = apply(carrying, &scene, self.backend, passes, strength)?;
+                let shares = layer.rgb()[0].iter().zip(white.rgb()[0]);
+                let share = |(&a, &one): (&f32, &f32)| if one > 0.0 { a / one } else { a };
+                let alpha: Vec<f32> = shares.map(share).collect();
+                let (width, height) = layer.size();
+                let rgb = [alpha.clone(), alpha.clone(), alpha];
+                layer = Image::new(layer.name(), width, height, rgb).expect("the same size");
+            }
+            filtered.push((layer.with_channels(channels.clone()), applied));
+        }
+        Ok(filtered)
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{DenoiseError, Denoised, Picture};
+use crate::image::Image;
 use crate::image::exr::{Lost, Replacement, rewrite};
 use crate::image::files::Format;
 use crate::scene::SceneError;
@@ -23,18 +24,23 @@ impl Denoised {
             first.image.save(path).map_err(SceneError::from)?;
             return Ok(Lost::default());
         }
-        let grey: Vec<Option<Vec<f32>>> = self.pictures.iter().map(grey).collect();
+        let images: Vec<&Image> = self
+            .pictures
+            .iter()
+            .flat_map(|picture| std::iter::once(&picture.image).chain(&picture.layers))
+            .collect();
+        let grey: Vec<Option<Vec<f32>>> = images.iter().map(|image| grey(image)).collect();
         let mut replacements = Vec::new();
-        for (picture, grey) in self.pictures.iter().zip(&grey) {
-            let window = picture.target.window()?;
-            let channels = picture.image.channels().iter();
+        for (image, grey) in images.iter().zip(&grey) {
+            let window = image.window().expect("pictures have their place");
+            let channels = image.channels();
             match grey {
                 Some(samples) => {
-                    let channel = picture.image.channels()[0].as_str();
+                    let channel = channels[0].as_str();
                     replacements.push(Replacement { channel, window, samples });
                 }
                 None => replacements.extend(
-                    channels.zip(picture.image.rgb()).map(|(channel, samples)| Replacement {
+                    channels.iter().zip(image.rgb()).map(|(channel, samples)| Replacement {
                         channel,
                         window,
                         samples,
@@ -65,10 +71,10 @@ impl Denoised {
 }
 
 /// The samples of a grey picture, whose channels are one in the file.
-fn grey(picture: &Picture) -> Option<Vec<f32>> {
-    let [r, g, b] = picture.image.channels();
+fn grey(image: &Image) -> Option<Vec<f32>> {
+    let [r, g, b] = image.channels();
     (r == g && g == b).then(|| {
-        let [r, g, b] = picture.image.rgb();
+        let [r, g, b] = image.rgb();
         // Guides may have colours, so that the three differ.
         r.iter().zip(g).zip(b).map(|((r, g), b)| (r + g + b) / 3.0).collect()
     })

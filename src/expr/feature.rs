@@ -227,6 +227,16 @@ features! {
         doc: "samples per pixel, at most 65536; 0 where nobody says how many",
         ..NOT_STORED
     }
+    /// Another picture that is filtered by the colour's weights.
+    Layer {
+        name: "layer",
+        width: 3,
+        unit: Unit::Light,
+        title: "another picture",
+        doc: "a picture that is filtered by the colour's weights (`denoise --layers`), relative to \
+              the image's exposure; the noisy colour where there is none",
+        ..NOT_STORED
+    }
     /// How noisy the image is as a whole: the same for all of its pixels.
     Grain {
         name: "grain",

@@ -16,6 +16,7 @@
 //! [`Filter::check`] gives a [`Checked`] filter, the proof that every stage reads only
 //! what exists and that widths fit. Whoever plans or evaluates a filter takes that.
 
+mod carry;
 mod check;
 pub mod file;
 pub mod shipped;

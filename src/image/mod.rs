@@ -7,11 +7,13 @@
 mod error;
 pub mod exr;
 pub mod files;
+mod leftovers;
 pub mod metric;
 mod output;
 pub mod pfm;
 #[cfg(test)]
 pub(crate) mod sample;
+mod temporary;
 
 use std::path::Path;
 
@@ -20,6 +22,7 @@ pub(crate) use error::listing;
 pub use exr::Attributes;
 pub use metric::{Comparison, Metrics};
 pub use output::write_atomically;
+pub use temporary::{Temporary, remove_temporary_files};
 
 use crate::expr::builder::LIMIT;
 use exr::{Window, write_rgb};

@@ -5,10 +5,11 @@ use std::io::{self, BufWriter, Cursor, Seek, Write};
 use std::path::Path;
 
 use super::ImageError;
+use super::temporary::Temporary;
 
 /// Writes `bytes` to `path` through a temporary file in the same folder and a
 /// rename: whoever looks sees the old file or the new one, and a run that fails
-/// or is killed leaves no half of one.
+/// or is killed leaves no half of one. The new file has the old one's permissions.
 ///
 /// What exists and is no regular file (`/dev/stdout`, a named pipe) is written
 /// into, as a rename would replace it.
@@ -41,19 +42,17 @@ pub(super) fn write_through(
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         Some(_) | None => Path::new("."),
     };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".tamis-");
-    // Temporary files are private by default; results follow the umask.
+    let mut temporary = Temporary::public(folder).map_err(io)?;
+    // Before anything is in it, as the old file may be private.
     #[cfg(unix)]
-    let builder = {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o666))
-    };
-    let mut file = BufWriter::new(builder.tempfile_in(folder).map_err(io)?);
+    if let Ok(old) = fs::metadata(&target) {
+        temporary.file().set_permissions(old.permissions()).map_err(io)?;
+    }
+    let mut file = BufWriter::new(temporary.file());
     write(&mut file)?;
-    let file = file.into_inner().map_err(|error| io(error.into_error()))?;
-    file.persist(&target).map_err(|error| io(error.error))?;
-    Ok(())
+    file.flush().map_err(io)?;
+    drop(file);
+    temporary.persist(&target).map_err(io)
 }
 
 fn failed(path: &Path, source: io::Error) -> ImageError {
@@ -72,6 +71,26 @@ mod tests {
         write_atomically(&path, b"new").expect("writable");
         assert_eq!(fs::read(&path).expect("written"), b"new");
         assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_replaced_file_keeps_its_permissions_and_its_links() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (path, link) = (folder.path().join("out.txt"), folder.path().join("link.txt"));
+        std::os::unix::fs::symlink("out.txt", &link).expect("a writable folder");
+        for mode in [None, Some(0o600), Some(0o664), Some(0o444)] {
+            if let Some(mode) = mode {
+                fs::set_permissions(&path, fs::Permissions::from_mode(mode)).expect("ours");
+            }
+            write_atomically(if mode.is_none() { &path } else { &link }, b"new").expect("writable");
+            let found = fs::metadata(&path).expect("written").permissions().mode() & 0o777;
+            assert!(mode.is_none_or(|mode| mode == found), "{found:o} is not {mode:?}");
+            assert!(mode.is_some() || found & 0o600 == 0o600, "{found:o}");
+        }
+        assert_eq!(fs::read_link(&link).expect("a link"), Path::new("out.txt"));
+        assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 2);
     }
 
     #[test]

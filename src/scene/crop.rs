@@ -99,6 +99,7 @@ impl Scene {
             color: color.map(|c| Samples::new(layout, &turned(c, gain), Edge::Zero)),
             // Parts of scenes are learned from, and not composited.
             alpha: None,
+            layers: Vec::new(),
             ones: Samples::new(layout, &vec![1.0; layout.pixels()], Edge::Zero),
             planes,
             facts,

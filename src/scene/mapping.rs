@@ -303,8 +303,8 @@ impl Mapping {
             let Some(value) = self.value(feature) else { continue };
             let moments = value.channels.iter().map(|name| {
                 let entry = listing.entries().iter().find(|entry| entry.full == *name)?;
-                let moment = vec![format!("{MOMENT}{}", entry.layer)];
-                taking.index.find("", &moment)?.pop()
+                let moment = format!("{MOMENT}{}", entry.layer);
+                taking.index.names.get(moment.as_str()).map(|&name| name.to_owned())
             });
             let Some(channels) = moments.collect::<Option<Vec<String>>>() else { continue };
             taking.claimed.extend(channels.iter().cloned());

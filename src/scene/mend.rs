@@ -10,6 +10,7 @@ use super::defect::{self, Tally};
 use super::note::Note;
 use super::raw::Origin;
 use super::repair::{self, Repair};
+use super::target::LayerChannels;
 use crate::expr::feature::{Feature, Quantity};
 
 /// Mends the features of a scene.
@@ -63,11 +64,11 @@ impl Mender<'_> {
             let notes = found.map(|found| Note::FarDepth { count: found.count });
             findings.kinds[Findings::FAR].extend(notes);
         }
+        findings.kinds[Findings::FOUND] = self.kept(feature, quantity, components);
+        findings.kinds[Findings::REPAIRED] = self.repaired(feature, quantity, components)?;
         if (feature, quantity) == (Feature::Normal, Quantity::Value) {
             findings.kinds[Findings::BOUNDED].extend(unit_normals(components));
         }
-        findings.kinds[Findings::FOUND] = self.kept(feature, quantity, components);
-        findings.kinds[Findings::REPAIRED] = self.repaired(feature, quantity, components)?;
         findings.kinds[Findings::BOUNDED].extend(bounded(feature, quantity, components));
         Ok(findings)
     }
@@ -94,11 +95,31 @@ impl Mender<'_> {
         quantity: Quantity,
         components: &mut [Vec<f32>],
     ) -> Result<Vec<Note>, SceneError> {
+        self.repaired_as(components, |k| self.origin.channel(feature, quantity, k))
+    }
+
+    /// Repairs the channels of a layer that is filtered by the colour's weights.
+    ///
+    /// # Errors
+    /// If there are bad pixels and they are to be refused.
+    pub(super) fn mend_layer(
+        &self,
+        layer: &LayerChannels,
+        components: &mut [Vec<f32>],
+    ) -> Result<Vec<Note>, SceneError> {
+        self.repaired_as(components, |k| layer.channels[k].clone())
+    }
+
+    fn repaired_as(
+        &self,
+        components: &mut [Vec<f32>],
+        name: impl Fn(usize) -> String,
+    ) -> Result<Vec<Note>, SceneError> {
         let found: Vec<_> = components.par_iter().map(|samples| repair::find(samples)).collect();
         let mut notes = Vec::new();
         for (k, (samples, bad)) in components.iter_mut().zip(found).enumerate() {
             let Some(bad) = bad else { continue };
-            let channel = self.origin.channel(feature, quantity, k);
+            let channel = name(k);
             let count = bad.count;
             match self.repair {
                 Repair::Median => {

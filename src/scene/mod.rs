@@ -58,11 +58,13 @@ pub use prepare::MOST_SAMPLES;
 pub use raw::RawScene;
 pub use repair::Repair;
 pub use spill::{SpilledScene, Weight};
-pub use target::Target;
+pub use target::{LayerChannels, Target};
 
-use crate::expr::feature::PlaneId;
+use crate::expr::builder::LIMIT;
+use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::image::exr::Unfinished;
 use crate::image::{Attributes, Image};
+use plane::Edge;
 use raw::Origin;
 
 /// How scenes are loaded.
@@ -88,6 +90,8 @@ pub struct Scene {
     color: [Samples; 3],
     /// Without padding.
     alpha: Option<Vec<f32>>,
+    /// Pictures to be filtered by the colour's weights, without padding.
+    layers: Vec<(LayerChannels, [Vec<f32>; 3])>,
     ones: Samples,
     planes: BTreeMap<PlaneId, Plane>,
     /// What is known of each of `planes`: found once, as every run of a plan asks.
@@ -112,20 +116,21 @@ impl Scene {
         pad: usize,
         options: &LoadOptions,
     ) -> Result<Self, SceneError> {
-        Self::of(&Target::known(path, options.samples)?, needs, pad, options)
+        Self::of(&Target::known(path, options.samples)?, &[], needs, pad, options)
     }
 
-    /// Loads the scene of a target.
+    /// Loads the scene of a target, with layers beside the colour.
     ///
     /// # Errors
     /// Those of [`Scene::load`].
     pub fn of(
         target: &Target,
+        layers: &[LayerChannels],
         needs: &Needs,
         pad: usize,
         options: &LoadOptions,
     ) -> Result<Self, SceneError> {
-        RawScene::of(target, needs, options)?.prepare(needs, pad, options)
+        RawScene::of(target, layers, needs, options)?.prepare(needs, pad, options)
     }
 
     /// What reports call it.
@@ -169,6 +174,50 @@ impl Scene {
     /// What is known of a plane.
     pub fn fact(&self, id: PlaneId) -> Fact {
         self.facts.get(id)
+    }
+
+    /// The same scene as if the file said nothing of what is covered.
+    #[must_use]
+    pub fn without_alpha(self) -> Self {
+        Self { alpha: None, ..self }
+    }
+
+    /// The layers that it was loaded with.
+    pub fn layers(&self) -> impl Iterator<Item = &LayerChannels> {
+        self.layers.iter().map(|(channels, _)| channels)
+    }
+
+    /// The same scene with one of its layers as what is filtered: as the noisy colour, and as
+    /// `layer` for formulas; weights look at the colour as before.
+    ///
+    /// # Panics
+    /// If there is no such layer.
+    #[must_use]
+    pub fn with_layer(self, layer: usize) -> Self {
+        let channels = self.layers[layer].1.clone();
+        self.with_picture(&channels)
+    }
+
+    /// The same with an image that is white everywhere.
+    #[must_use]
+    pub fn with_white(self) -> Self {
+        let white = vec![1.0; self.layout.pixels()];
+        self.with_picture(&[white.clone(), white.clone(), white])
+    }
+
+    fn with_picture(mut self, channels: &[Vec<f32>; 3]) -> Self {
+        self.color = channels.each_ref().map(|c| Samples::new(self.layout, c, Edge::Zero));
+        let Normalization { exposure, color_scale, .. } = self.normalization;
+        for (id, channel) in PlaneId::of(Feature::Layer, Quantity::Value).zip(channels) {
+            if let Some(plane) = self.planes.get_mut(&id) {
+                let scaled = channel.iter().map(|&x| color_scale.apply(x / exposure));
+                let scaled: Vec<f32> = scaled.map(|x| x.clamp(-LIMIT, LIMIT)).collect();
+                *plane = Plane::new(self.layout, &scaled);
+            }
+        }
+        let planes = self.planes.iter();
+        self.facts = Facts::from_planes(planes.map(|(&id, plane)| (id, Fact::of(plane))));
+        self
     }
 
     /// Every plane for weights.

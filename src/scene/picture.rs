@@ -17,7 +17,7 @@ use crate::image::files::Format;
 /// If the file cannot be read or has no colour.
 pub fn load_image(path: &Path) -> Result<Image, SceneError> {
     let target = Target::of(path)?;
-    let raw = RawScene::of(&target, &Needs::nothing(), &LoadOptions::default())?;
+    let raw = RawScene::of(&target, &[], &Needs::nothing(), &LoadOptions::default())?;
     let window = target.window()?;
     let has_place = target.listing().header().format() == Format::Exr;
     let channels = target.color_channels()?;

@@ -54,6 +54,9 @@ impl RawScene {
         let findings = findings.into_iter().collect::<Result<_, _>>()?;
         let mut notes = std::mem::take(&mut self.notes);
         notes.extend(Findings::all(findings));
+        for (layer, channels) in &mut self.layers {
+            notes.extend(mender.mend_layer(layer, channels)?);
+        }
         let layout = Layout::new(self.width, self.height, pad);
         let color = self.features.get(&(Feature::Color, Quantity::Value)).map(Vec::as_slice);
         let Some([r, g, b]) = color else {
@@ -95,6 +98,7 @@ impl RawScene {
             top: 0,
             color,
             alpha: self.alpha,
+            layers: self.layers,
             ones,
             planes,
             facts: Facts::from_planes(facts),
@@ -258,6 +262,10 @@ impl Maker<'_> {
                 let grain = color.map(|color| derive::grain(&color, self.layout.width()));
                 let planes = grain.unwrap_or_default().map(|x| vec![x; self.layout.pixels()]);
                 return Ok(Some(planes.into()));
+            }
+            Feature::Layer => {
+                // Where there is none, the colour stands in for it.
+                return self.normalized(Feature::Color);
             }
             Feature::Samples => {
                 return everywhere(self.samples.unwrap_or(0).min(MOST_SAMPLES) as f32);

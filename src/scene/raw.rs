@@ -11,7 +11,7 @@ use std::path::Path;
 use super::mapping::{Mapping, Source, looked_for};
 use super::needs::Needs;
 use super::note::Note;
-use super::target::{Read, Target};
+use super::target::{LayerChannels, Read, Target};
 use super::{LoadOptions, SceneError};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::image::Attributes;
@@ -34,6 +34,8 @@ pub struct RawScene {
     pub samples: Option<u32>,
     /// How much of each pixel is covered, where the file says so.
     pub alpha: Option<Vec<f32>>,
+    /// Pictures to be filtered by the colour's weights.
+    pub(super) layers: Vec<(LayerChannels, [Vec<f32>; 3])>,
     pub(super) notes: Vec<Note>,
     pub(super) origin: Origin,
 }
@@ -55,6 +57,7 @@ impl RawScene {
             features: BTreeMap::from([((Feature::Color, Quantity::Value), color.into())]),
             samples: None,
             alpha: None,
+            layers: Vec::new(),
             notes: Vec::new(),
             origin: Origin::default(),
         }
@@ -73,24 +76,44 @@ impl RawScene {
     /// If the file cannot be read or has no colour. That a needed feature is
     /// missing is no error yet: see [`Scene::require`](super::Scene::require).
     pub fn read(path: &Path, needs: &Needs, options: &LoadOptions) -> Result<Self, SceneError> {
-        Self::of(&Target::known(path, options.samples)?, needs, options)
+        Self::of(&Target::known(path, options.samples)?, &[], needs, options)
     }
 
-    /// The same of a target.
+    /// The same of a target, with layers beside the colour.
     ///
     /// # Errors
     /// Those of [`RawScene::read`].
-    pub fn of(target: &Target, needs: &Needs, options: &LoadOptions) -> Result<Self, SceneError> {
+    pub fn of(
+        target: &Target,
+        layers: &[LayerChannels],
+        needs: &Needs,
+        options: &LoadOptions,
+    ) -> Result<Self, SceneError> {
         let sources = sources(target, needs, options)?;
+        let mut others: Vec<String> = Vec::new();
+        for channel in layers.iter().flat_map(|layer| &layer.channels) {
+            // The alpha is decoded in any case.
+            if !others.contains(channel) && target.alpha().as_ref() != Some(channel) {
+                others.push(channel.clone());
+            }
+        }
         let mut memory = Memory::of(target.path());
-        let read = target.decode(&sources, options.unfinished, &mut memory)?;
+        let read = target.decode(&sources, &others, options.unfinished, &mut memory)?;
         let mut planes = memory.into_planes().into_iter();
         let mut features: BTreeMap<(Feature, Quantity), Vec<Vec<f32>>> = BTreeMap::new();
         for (key, source) in &sources {
             let components = planes.by_ref().take(source.channels.len());
             features.insert(*key, components.collect());
         }
-        let alpha = planes.next();
+        let alpha = target.alpha().and_then(|_| planes.next());
+        let others: BTreeMap<&String, Vec<f32>> = others.iter().zip(planes).collect();
+        let plane = |channel: &String| match others.get(channel) {
+            Some(plane) => plane.clone(),
+            None => alpha.clone().expect("what is no layer's own is the alpha"),
+        };
+        let layers = layers.iter();
+        let layers: Vec<_> =
+            layers.map(|layer| (layer.clone(), layer.channels.each_ref().map(plane))).collect();
         for (key, source) in &sources {
             let mut components = features.remove(key).expect("it was just put there");
             let value = features.get(&(key.0, Quantity::Value)).map(Vec::as_slice);
@@ -103,6 +126,7 @@ impl RawScene {
             height: read.window.size.1,
             features,
             alpha,
+            layers,
             samples: target.listing().header().samples_per_pixel(),
             notes: notes(target, &sources, needs, &read),
             origin: Origin { attributes: read.attributes, target: Some(target.clone()) },

@@ -90,7 +90,7 @@ impl SpilledScene {
         let name = super::folder::scene_name(target.path());
         let sources = sources(target, needs, options)?;
         let mut spill = Spill { scratch: None };
-        let read = target.decode(&sources, options.unfinished, &mut spill)?;
+        let read = target.decode(&sources, &[], options.unfinished, &mut spill)?;
         let (width, height) = read.window.size;
         let mut next = 0;
         let quantities = sources.iter().map(|(key, source)| {
@@ -206,6 +206,7 @@ impl SpilledScene {
             top: rows.start,
             color: color.try_into().expect("three channels"),
             alpha: self.alpha.map(read).transpose()?,
+            layers: Vec::new(),
             ones: Samples::new(layout, &vec![1.0; layout.pixels()], Edge::Zero),
             planes,
             facts: self.facts.clone(),

@@ -1,7 +1,10 @@
 //! One picture of a frame, and what feeds its features.
 
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
+
+use glob::Pattern;
 
 use super::SceneError;
 use super::listing::{Aux, Listing};
@@ -16,6 +19,15 @@ use crate::image::{ImageError, files};
 pub struct Target {
     listing: Arc<Listing>,
     mapping: Mapping,
+}
+
+/// The channels of a layer that is filtered by the colour's weights.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LayerChannels {
+    /// What people call it.
+    pub name: String,
+    /// The full names of its three channels; one name thrice if it has but one.
+    pub channels: [String; 3],
 }
 
 /// What was decoded of a target.
@@ -98,17 +110,78 @@ impl Target {
             .find(|name| self.listing.window(name) == self.listing.window(first))
     }
 
-    /// Decodes the channels of sources into a sink, in their order, and then the alpha if
-    /// there is one.
+    /// The layers beside the colour whose names are of a pattern, in the file's order: with
+    /// their view and this picture's layer before them, or without. What feeds a feature is
+    /// none of them.
+    ///
+    /// # Errors
+    /// If there is none for a pattern.
+    pub fn layers(&self, patterns: &[Pattern]) -> Result<Vec<LayerChannels>, SceneError> {
+        let which = self.mapping.which();
+        let views = self.listing.views();
+        let view = which.view.as_ref().and_then(|view| views.iter().position(|v| v == view));
+        let prefix = which.layer.as_ref().map(|layer| format!("{}.", layer.to_lowercase()));
+        let fed: HashSet<&String> =
+            self.mapping.sources().flat_map(|(_, _, source)| &source.channels).collect();
+        let window = self.window()?;
+        let mut all: Vec<LayerChannels> = Vec::new();
+        for entry in self.listing.entries() {
+            let is_ours = entry.view == view.unwrap_or(0)
+                && prefix.as_ref().is_none_or(|prefix| entry.layer.starts_with(prefix))
+                && !fed.contains(&entry.full)
+                && self.listing.window(&entry.full) == Some(window);
+            let Some((layer, component)) = entry.full.rsplit_once('.').filter(|_| is_ours) else {
+                continue;
+            };
+            let place = match component {
+                "R" | "r" | "red" | "X" => 0,
+                "G" | "g" | "green" | "Y" => 1,
+                "B" | "b" | "blue" | "Z" => 2,
+                _ => continue,
+            };
+            if all.last().is_none_or(|last| last.name != layer) {
+                let channels = [const { String::new() }; 3];
+                all.push(LayerChannels { name: layer.to_owned(), channels });
+            }
+            all.last_mut().expect("just pushed").channels[place] = entry.full.clone();
+        }
+        all.retain(|layer| layer.channels.iter().all(|channel| !channel.is_empty()));
+        let relative = |layer: &LayerChannels| match &which.layer {
+            Some(own) => layer.name.get(own.len() + 1..).unwrap_or_default().to_owned(),
+            None => layer.name.clone(),
+        };
+        for pattern in patterns {
+            let is_of =
+                |l: &LayerChannels| pattern.matches(&l.name) || pattern.matches(&relative(l));
+            if !all.iter().any(is_of) {
+                return Err(SceneError::NotInFile {
+                    path: self.path().to_owned(),
+                    what: "layer beside the colour",
+                    name: pattern.as_str().to_owned(),
+                    present: match all.is_empty() {
+                        true => "none".to_owned(),
+                        false => crate::image::listing(all.iter().map(|l| l.name.as_str())),
+                    },
+                });
+            }
+        }
+        all.retain(|l| patterns.iter().any(|p| p.matches(&l.name) || p.matches(&relative(l))));
+        Ok(all)
+    }
+
+    /// Decodes the channels of sources into a sink, in their order, then the alpha if
+    /// there is one, and then other channels.
     pub(super) fn decode(
         &self,
         sources: &[Fed],
+        others: &[String],
         unfinished: Unfinished,
         sink: &mut dyn Sink,
     ) -> Result<Read, SceneError> {
         let window = self.window()?;
         let alpha = self.alpha();
-        let wanted: Vec<&str> = channels(sources).chain(alpha.as_deref()).collect();
+        let others = others.iter().map(String::as_str);
+        let wanted: Vec<&str> = channels(sources).chain(alpha.as_deref()).chain(others).collect();
         sink.begin(wanted.len(), window.size)?;
         let mut read = Read { window, attributes: None, missing_rows: 0 };
         for file in 0..self.listing.files() {

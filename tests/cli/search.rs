@@ -34,9 +34,8 @@ fn a_search_finds_the_same_filter_however_it_is_run() {
     assert!(text.contains("training error") && text.contains("kan2017"), "{text}");
     place.done(&tiny("two", &["--generations", "4", "--threads", "2"]));
     place.done(&tiny("resumed", &["--generations", "2"]));
-    let resume =
-        ["evolve", "--scenes", "room", "--out", "resumed", "--resume", "--generations", "4"];
-    place.done(&resume);
+    // The search remembers its scenes.
+    place.done(&["evolve", "--out", "resumed", "--resume", "--generations", "4"]);
     for file in ["best.toml", "history.csv"] {
         let bytes = place.bytes(&format!("one/{file}"));
         assert!(place.bytes(&format!("two/{file}")) == bytes, "{file} with two threads");
@@ -101,6 +100,27 @@ fn an_interrupted_search_writes_its_best_so_far() {
     assert!(text.contains("search stopped by the user"), "{text} {said:?}");
     place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", "out/best.toml"]);
     assert!(place.path("out/checkpoint.json").is_file());
+}
+
+#[test]
+fn a_search_replaces_no_other_by_accident() {
+    let place = Place::new();
+    let none = ["--generations", "0"];
+    place.done(&tiny("out", &none));
+    place.fails(1, &tiny("out", &none), &["out", "--resume", "--out", "--overwrite"]);
+    place.fails(2, &tiny("out", &["--resume", "--overwrite"]), &["--overwrite"]);
+    place.done(&tiny("out", &["--generations", "0", "--overwrite"]));
+    place.done(&tiny("other", &none));
+    // Scenes that are given are checked.
+    std::fs::create_dir(place.path("moved")).expect("a writable folder");
+    std::fs::rename(place.path("room"), place.path("moved/room")).expect("a folder");
+    let resume = ["evolve", "--out", "out", "--resume", "--generations", "1"];
+    place.fails(1, &resume, &["room"]);
+    place.done(&[&resume[..], &["--scenes", "moved/room"]].concat());
+    // From now on these are the search's.
+    place.done(&["evolve", "--out", "out", "--resume", "--generations", "2"]);
+    std::fs::write(place.path("out/scenes.json"), "[]").expect("writable");
+    place.fails(1, &resume, &["out/scenes.json", "--scenes"]);
 }
 
 #[test]

@@ -44,7 +44,8 @@ fn tuning_finds_the_same_constants_however_it_is_run() {
     let none = [&FEW[..], &["--steps", "12", "--max-time", "0"]].concat();
     let text = place.done(&tune("later.toml", &none));
     assert!(text.contains("time limit"), "{text}");
-    place.done(&tune("later.toml", &["--resume"]));
+    // It remembers its scenes.
+    place.done(&["tune", "blur.toml", "-o", "later.toml", "--resume"]);
     let file = |name: &str| {
         let text = String::from_utf8(place.bytes(name)).expect("UTF-8");
         let mut file: toml::Table = text.parse().expect("TOML");
@@ -73,6 +74,16 @@ fn what_cannot_be_tuned_is_said_before_anything_is_written() {
     place.fails(2, &["tune", "blur.toml", "-o", "x.toml"], &["--scenes"]);
     fs::write(place.path("x.json"), "{}").expect("a writable folder");
     place.fails(1, &tune("x.toml", &["--resume"]), &["x.json", "checkpoint"]);
+}
+
+#[test]
+fn a_run_replaces_no_other_by_accident() {
+    let place = place();
+    let few = [&FEW[..], &["--steps", "2"]].concat();
+    place.done(&tune("x.toml", &few));
+    place.fails(1, &tune("x.toml", &few), &["x.json", "--resume", "--output", "--overwrite"]);
+    place.done(&tune("x.toml", &[&few[..], &["--overwrite"]].concat()));
+    place.fails(2, &tune("x.toml", &["--resume", "--overwrite"]), &["--overwrite"]);
 }
 
 #[test]

@@ -9,6 +9,7 @@ use super::timings::Timings;
 use crate::cli::apply::reach;
 use crate::cli::error::Error;
 use crate::denoise::{self, Applied, Denoised, Denoiser, Feeds, Picture};
+use crate::image::Image;
 use crate::report::number;
 use crate::scene::Note;
 use crate::scene::listing::Aux;
@@ -19,8 +20,6 @@ pub(super) struct Job<'a> {
     pub(super) form: Form,
     /// Whether somebody named the filter.
     pub(super) is_named: bool,
-    /// Files beside each frame's own.
-    pub(super) aux: Vec<Aux>,
     /// Stops by which pictures for people are made brighter.
     pub(super) exposure: f32,
 }
@@ -42,17 +41,26 @@ pub(super) struct Filtered {
 pub(super) struct Written {
     /// What feeds the filter, a line for each picture.
     pub(super) feeds: Vec<String>,
-    /// What people may want to know, a line each.
-    pub(super) remarks: Vec<String>,
-    /// What they should know, whatever they want.
-    pub(super) warnings: Vec<String>,
+    /// What people should know, a line each.
+    pub(super) remarks: Vec<Remark>,
+    /// What the frame was filtered with.
+    pub(super) filter: String,
     pub(super) timings: Timings,
 }
 
+/// A line about a frame.
+pub(super) enum Remark {
+    /// Something is wrong with the input; said even if asked to be quiet.
+    Warning(String),
+    /// Something that only some want to know.
+    Detail(String),
+}
+
 impl Job<'_> {
-    pub(super) fn load(&self, frame: &Frame) -> Result<Loaded, Error> {
+    /// Loads a frame from a file, and others with features of their own.
+    pub(super) fn load(&self, source: &Path, aux: &[Aux]) -> Result<Loaded, Error> {
         let start = Instant::now();
-        let frame = self.denoiser.load(&frame.input, &self.aux)?;
+        let frame = self.denoiser.load(source, aux)?;
         Ok(Loaded { frame, loading: start.elapsed() })
     }
 
@@ -61,12 +69,19 @@ impl Job<'_> {
         Ok(Filtered { denoised, loading: loaded.loading })
     }
 
-    pub(super) fn write(&self, frame: &Frame, filtered: Filtered) -> Result<Written, Error> {
+    /// Writes a frame into a file.
+    pub(super) fn write(
+        &self,
+        frame: &Frame,
+        target: &Path,
+        filtered: Filtered,
+    ) -> Result<Written, Error> {
         let start = Instant::now();
-        let lost = self.form.save(&filtered.denoised, &frame.output, self.exposure)?;
+        let lost = self.form.save(&filtered.denoised, target, self.exposure)?;
         let write = start.elapsed();
         let mut timings = Timings { load: filtered.loading, write, ..Timings::default() };
-        for Picture { image, chosen, applied, .. } in &filtered.denoised.pictures {
+        let pictures = &filtered.denoised.pictures;
+        for Picture { image, chosen, applied, .. } in pictures {
             let (width, height) = image.size();
             let taps: usize = chosen.filter.gathers().map(|gather| gather.window.taps()).sum();
             timings.plan += applied.planning;
@@ -74,59 +89,74 @@ impl Job<'_> {
             timings.filter += applied.filtering;
             timings.pairs += width * height * taps;
         }
-        let mut written =
-            Written { feeds: Vec::new(), remarks: Vec::new(), warnings: Vec::new(), timings };
-        let output = frame.output.display();
-        for compression in lost.recompressed {
-            written.warnings.push(format!(
+        let output = frame.output_name();
+        let recompressed = lost.recompressed.iter().map(|compression| {
+            Remark::Warning(format!(
                 "{output}: {compression} loses precision: so did channels beside the colour"
-            ));
+            ))
+        });
+        let mut remarks: Vec<Remark> = recompressed.collect();
+        for picture in pictures {
+            remarks.extend(self.remarks(frame, picture));
         }
-        for picture in &filtered.denoised.pictures {
-            self.tell(frame, picture, &mut written);
-        }
-        Ok(written)
+        let feeds = pictures.iter().map(|picture| Feeds(&picture.target).to_string()).collect();
+        let filter = pictures[0].chosen.filter.name.clone();
+        Ok(Written { feeds, remarks, filter, timings })
     }
 
-    /// Tells of a picture.
-    fn tell(&self, frame: &Frame, picture: &Picture, written: &mut Written) {
-        let Picture { target, image, applied: Applied { kept, filtering, .. }, chosen, notes } =
-            picture;
+    /// What there is to say of a picture.
+    fn remarks(&self, frame: &Frame, picture: &Picture) -> Vec<Remark> {
+        let Picture { target, image, layers, chosen, notes, applied } = picture;
+        let Applied { kept, filtering, .. } = applied;
         let which = target.mapping().which().to_string();
-        let of = |file: &Path| match which.is_empty() {
-            true => format!("{}:", file.display()),
-            false => format!("{}: {which}:", file.display()),
-        };
-        let (input, output) = (of(&frame.input), of(&frame.output));
+        let which = if which.is_empty() { which } else { format!(" {which}:") };
+        let input = format!("{}:{which}", frame.input_name());
+        let output = format!("{}:{which}", frame.output_name());
         let (width, height) = image.size();
-        written.feeds.push(Feeds(target).to_string());
+        let why = chosen.why.iter().map(|why| Remark::Detail(format!("{input} {why}")));
         // A filter that is chosen for a file is made for estimates, too.
         let is_told = |note: &&Note| self.is_named || !matches!(note, Note::EstimatedVariance(_));
-        let notes = notes.iter().filter(is_told);
-        for note in notes {
-            let list = if note.is_warning() { &mut written.warnings } else { &mut written.remarks };
-            list.push(format!("{input} {note}"));
-        }
-        written.remarks.extend(chosen.why.iter().map(|why| format!("{input} {why}")));
+        let notes = notes.iter().filter(is_told).map(|note| match note.is_warning() {
+            true => Remark::Warning(format!("{input} {note}")),
+            false => Remark::Detail(format!("{input} {note}")),
+        });
+        let mut remarks: Vec<Remark> = notes.chain(why).collect();
         for (stage, &kept) in chosen.filter.stages.iter().zip(kept).filter(|(_, kept)| **kept > 0) {
             let (of, what) = match chosen.filter.paper() {
                 Some(_) => (String::new(), "the noisy colour"),
                 None => (format!("stage `{}`: ", stage.name), "what was to be averaged"),
             };
             let pixels = stage.grid.along(width) * stage.grid.along(height);
-            written.remarks.push(format!(
+            remarks.push(Remark::Detail(format!(
                 "{output} {of}{} ({}) kept {what}: their weights sum to nothing that can be \
                  trusted",
                 number::plural(kept, "pixel"),
                 number::percent(kept, pixels),
-            ));
+            )));
         }
-        written.remarks.push(format!(
+        if !layers.is_empty() {
+            let names: Vec<&str> = layers.iter().map(layer_name).collect();
+            remarks.push(Remark::Detail(format!(
+                "{output} by the same weights: {}",
+                names.join(", ")
+            )));
+        }
+        remarks.push(Remark::Detail(format!(
             "{output} {width}x{height} pixels, filter `{}`, radius {}, {}, {}",
             chosen.filter.name,
             reach(&chosen.filter),
             self.denoiser.backend().name(),
             number::duration(*filtering),
-        ));
+        )));
+        remarks
+    }
+}
+
+/// What a layer's channels have in common.
+fn layer_name(layer: &Image) -> &str {
+    let [first, second, _] = layer.channels();
+    match first.rsplit_once('.') {
+        Some((name, _)) if first != second => name,
+        _ => first,
     }
 }

@@ -4,15 +4,22 @@
 mod files;
 mod form;
 mod frame;
+mod inputs;
+mod numbers;
+mod pattern;
 mod pipeline;
 mod progress;
+mod sequence;
+mod shard;
 mod sources;
+mod streams;
+mod tally;
 mod timings;
 
 use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::backend::Opened;
 use super::error::Error;
@@ -20,12 +27,17 @@ use super::log::Log;
 use super::options::Running;
 use super::resolve::resolve;
 use crate::denoise::{Denoiser, Options};
-use files::Files;
+use crate::report::number;
+use files::{Files, Frame};
 use form::Form;
-use frame::Job;
+use frame::{Job, Remark};
+use inputs::is_stream;
 use pipeline::Pipeline;
 use progress::Progress;
+use sequence::Sequence;
 use sources::Sources;
+use streams::Streams;
+use tally::Tally;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -33,6 +45,10 @@ Examples:
   tamis denoise render.exr -o clean.png --filter kan2017
   tamis denoise frames/*.exr -o clean/ --backend gpu
   tamis denoise frames/*.exr -o preview/ --format png --timings
+  tamis denoise frames/ -o clean/ --skip-existing
+  tamis denoise shot.####.exr -o clean/shot.####.exr --frames 1-240x2
+  tamis denoise shot.%04d.exr -o clean/ --frames 1-240 --shard 3/16 --json --keep-going
+  render | tamis denoise - -o - > clean.exr
   tamis denoise render.exr -o clean.exr --filter out/best.toml --radius 6
   tamis denoise render.exr -o clean.exr \\
       --filter 'exp(-distance2(normal, normal) / 0.1 - distance2(texture, texture) / 0.02)'
@@ -43,24 +59,33 @@ says so; with --filter, a missing feature is an error.
 
 Several images are filtered one after another; meanwhile the next is loaded and
 the one before is written, so there are at most three in memory (four with a GPU,
-which filters two at a time). One that fails does not stop the others; the exit
-status is then 1.";
+which filters two at a time). One that fails does not stop the others; failures are
+listed at the end, and the exit status is then 1.
+
+In shot.####.exr each # is a digit of the frame's number, as in shot.%04d.exr; without
+--frames these are all frames that are there. A glob in quotes ('frames/*.exr') is
+expanded by the program, and a folder stands for every .exr file directly in it.
+
+With --json stdout has a line per frame, with the keys frame (its number, if it has
+one), input, output, status (done, skipped or failed), seconds, filter and error.";
 
 /// Filter noisy images with the features in their files.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Denoise {
-    /// The noisy images, with the features that the filter reads
+    /// The noisy images, with the features that the filter reads: files, folders, patterns
+    /// such as shot.####.exr or shot.%04d.exr, or - for standard input
     #[arg(required = true, num_args = 1.., value_name = "IN.exr")]
     inputs: Vec<PathBuf>,
 
     /// Where the result goes: OpenEXR (the input with its colour replaced), PNG
-    /// (tone-mapped) or PFM by the name's ending; or a folder, where results have their inputs' names,
-    /// and which is made if its name ends in /
+    /// (tone-mapped) or PFM by the name's ending; or a folder, where results have their
+    /// inputs' names, and which is made if its name ends in /; or a pattern such as
+    /// clean/shot.####.exr, which gets the frames' numbers; or - for standard output
     #[arg(long, short, value_name = "OUT.exr|DIR/")]
     output: PathBuf,
 
-    /// What results in a folder are written as [default: exr]
+    /// What results in a folder, or on standard output, are written as [default: exr]
     #[arg(long, value_enum, value_name = "FORMAT")]
     format: Option<Form>,
 
@@ -72,6 +97,10 @@ pub(super) struct Denoise {
     /// How much of the result is taken, from 0 to 1; the rest is the noisy image
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = strength)]
     strength: f32,
+
+    /// What becomes of the alpha of the colour
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = Alpha::Keep)]
+    alpha: Alpha,
 
     /// Make PNG results brighter by so many stops, or darker
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
@@ -86,6 +115,18 @@ pub(super) struct Denoise {
     /// Say what each step took
     #[arg(long)]
     timings: bool,
+
+    #[command(flatten)]
+    sequence: Sequence,
+}
+
+/// What becomes of the alpha.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Alpha {
+    /// It stays as it is, and where it and the colour are zero, the result is
+    Keep,
+    /// It is filtered by the colour's weights
+    Filter,
 }
 
 /// Reads a share.
@@ -98,7 +139,11 @@ fn strength(text: &str) -> Result<f32, String> {
 
 impl Denoise {
     pub(super) fn run(&self, log: Log, started: Instant) -> Result<String, Error> {
-        let files = Files::of(&self.inputs, &self.output, self.format)?;
+        let (files, several) = self.files()?;
+        if files.len() == 0 {
+            log.say("nothing to do: there are fewer frames than shares");
+            return Ok(String::new());
+        }
         let radius = self.running.radius;
         let filter = self.filter.as_ref().map(|text| resolve(text, radius)).transpose()?;
         let Opened { backend, frames } = self.running.backend.open(log)?;
@@ -110,6 +155,8 @@ impl Denoise {
             passes: self.running.passes(),
             load: self.running.load_options(),
             selection: self.sources.selection(),
+            layers: self.sources.layers.clone(),
+            filters_alpha: self.alpha == Alpha::Filter,
             strength: Some(self.strength),
             max_memory: Some(self.running.backend.memory_for_scenes() / flying),
         };
@@ -117,62 +164,119 @@ impl Denoise {
             denoiser: Denoiser::new(&*backend, options),
             form: files.form(),
             is_named: self.filter.is_some(),
-            aux: self.sources.aux(),
             exposure: self.exposure,
         };
+        let streams = Streams::open(files.frame(0))?;
 
         let start = started.elapsed();
-        let several = files.len() > 1;
         let progress = Progress::new(log, files.len());
-        let mut timings = Vec::with_capacity(files.len());
+        let mut tally = Tally::new(self.sequence.json);
         let mut fed = Vec::new();
         let run = Pipeline::new(frames).run(
             files.len(),
-            |frame| job.load(files.frame(frame)),
-            |_, loaded| job.filter(loaded),
-            |frame, filtered| {
+            |frame| {
+                let frame = files.frame(frame);
+                if self.skips(frame) {
+                    return Ok(None);
+                }
+                progress.step("loading");
+                job.load(streams.source(frame), &self.sources.aux(frame.number)?).map(Some)
+            },
+            |_, loaded| {
+                let Some(loaded) = loaded else { return Ok(None) };
+                progress.step("filtering");
+                job.filter(loaded).map(Some)
+            },
+            |place, filtered| {
+                let frame = files.frame(place);
                 let written = match filtered {
-                    Ok(filtered) => {
+                    Ok(Some(filtered)) => {
+                        progress.step("writing");
                         // Without it no result has a place to go.
                         files.make_folder()?;
-                        job.write(files.frame(frame), filtered)
+                        let written = job.write(frame, streams.target(frame), filtered);
+                        written.and_then(|written| streams.deliver().map(|()| Some(written)))
                     }
+                    Ok(None) => Ok(None),
                     Err(error) => Err(error),
                 };
-                match written {
-                    Ok(written) => {
+                match written.map_err(|error| streams.named(error)) {
+                    Ok(Some(written)) => {
                         progress.aside(|| {
                             // Frames of a sequence are alike: what differs is told.
                             if written.feeds != fed {
-                                let input = files.frame(frame).input.display();
+                                let input = frame.input_name();
                                 for feeds in &written.feeds {
                                     log.say(format_args!("{input}: {feeds}"));
                                 }
                             }
-                            written.warnings.iter().for_each(|warning| log.warn(warning));
-                            written.remarks.iter().for_each(|remark| log.say(remark));
+                            written.remarks.iter().for_each(|remark| match remark {
+                                Remark::Warning(text) => log.warn(text),
+                                Remark::Detail(text) => log.say(text),
+                            });
                             if self.timings {
                                 log.say(written.timings);
                             }
-                        });
+                            tally.done(frame, &written.filter, written.timings)
+                        })?;
                         fed = written.feeds;
-                        timings.push(written.timings);
                     }
-                    Err(error) if several => progress.aside(|| log.error(&error)),
-                    Err(error) => return Err(error),
+                    Ok(None) => progress.aside(|| tally.skipped(frame))?,
+                    Err(error) => {
+                        progress.aside(|| {
+                            if several {
+                                log.error(&error);
+                            }
+                            tally.failed(frame, &error)
+                        })?;
+                        if !several {
+                            return Err(error);
+                        }
+                    }
                 }
-                progress.advance(frame + 1);
+                progress.advance(place + 1, tally.skipped);
                 Ok(())
             },
         );
         progress.finish();
         run?;
-        if self.timings && !timings.is_empty() {
-            log.say(timings::summary(&timings, start, started.elapsed()));
+        if tally.skipped > 0 {
+            log.say(format_args!(
+                "{} of {} skipped, as their results exist",
+                tally.skipped,
+                number::plural(files.len(), "frame"),
+            ));
         }
-        match files.len() - timings.len() {
-            0 => Ok(String::new()),
-            failed => Err(Error::Frames { failed, of: files.len() }),
+        if self.timings && !tally.done.is_empty() {
+            log.say(timings::summary(&tally.done, start, started.elapsed()));
         }
+        tally.verdict(files.len()).map(|()| String::new())
+    }
+
+    /// The files of this run, and whether they are of several frames: a share of these is
+    /// several even if it is one.
+    fn files(&self) -> Result<(Files, bool), Error> {
+        let Sequence { frames, shard, keep_going, json, .. } = &self.sequence;
+        if *json && is_stream(&self.output) {
+            return Err(Error::Usage(
+                "--json: standard output is taken by --output -; write the result into a file"
+                    .to_owned(),
+            ));
+        }
+        let inputs = inputs::find(&self.inputs, frames.as_ref(), *keep_going)?;
+        let mut files = Files::of(&inputs, &self.output, self.format)?;
+        let several = files.len() > 1;
+        if !keep_going {
+            files.find_the_inputs(|frame| !self.skips(frame))?;
+        }
+        if let Some(shard) = *shard {
+            files = files.share(shard);
+        }
+        Ok((files, several))
+    }
+
+    /// Whether a frame is left out, as its result exists.
+    fn skips(&self, frame: &Frame) -> bool {
+        self.sequence.skip_existing && frame.output.is_file()
     }
 }

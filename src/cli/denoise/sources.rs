@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::pattern::Pattern;
+use crate::cli::error::Error;
 use crate::expr::{Feature, Quantity};
 use crate::scene::listing::Aux;
 use crate::scene::mapping::{Said, Selection};
@@ -18,7 +20,7 @@ pub(super) struct Sources {
     #[arg(long, value_name = "FEATURE=LAYER", value_delimiter = ',', value_parser = said)]
     map: Vec<Said>,
 
-    /// A file with the albedo in it: EXR, PFM, TIFF or PNG
+    /// A file with the albedo in it: EXR, PFM, TIFF or PNG; of a sequence a pattern
     #[arg(long, value_name = "FILE")]
     albedo: Option<PathBuf>,
 
@@ -34,6 +36,11 @@ pub(super) struct Sources {
     /// (again for more)
     #[arg(long, value_name = "FILE")]
     aux: Vec<PathBuf>,
+
+    /// Filter further colour layers of the file by the colour's weights: 'light_*' (again, or
+    /// with commas, for more); layers that add up to the colour still do
+    #[arg(long, value_name = "PATTERN", value_delimiter = ',', value_parser = pattern)]
+    pub(super) layers: Vec<glob::Pattern>,
 
     /// This view of a stereo image alone [default: every view, each with its own features]
     #[arg(long, value_name = "NAME")]
@@ -56,19 +63,36 @@ impl Sources {
         }
     }
 
-    /// The files beside a frame's own.
-    pub(super) fn aux(&self) -> Vec<Aux> {
+    /// The files beside a frame's own: a pattern stands for that of the frame's number.
+    pub(super) fn aux(&self, frame: Option<u64>) -> Result<Vec<Aux>, Error> {
         let said = [
             (&self.albedo, Feature::Texture),
             (&self.normal, Feature::Normal),
             (&self.depth, Feature::Depth),
         ];
-        let said = said.into_iter().filter_map(|(path, feature)| {
-            Some(Aux { path: path.clone()?, feature: Some(feature) })
-        });
-        let other = self.aux.iter().map(|path| Aux { path: path.clone(), feature: None });
-        said.chain(other).collect()
+        let said =
+            said.into_iter().filter_map(|(path, feature)| Some((path.as_ref()?, Some(feature))));
+        let other = self.aux.iter().map(|path| (path, None));
+        let file = |(path, feature): (&PathBuf, Option<Feature>)| {
+            let path = match (Pattern::of(path).filter(|_| !path.exists()), frame) {
+                (None, _) => path.clone(),
+                (Some(pattern), Some(frame)) => pattern.path(frame),
+                (Some(_), None) => {
+                    return Err(Error::Usage(format!(
+                        "{}: it has a place for the frame's number, and the input has no number",
+                        path.display()
+                    )));
+                }
+            };
+            Ok(Aux { path, feature })
+        };
+        said.chain(other).map(file).collect()
     }
+}
+
+/// Reads a pattern of names.
+fn pattern(text: &str) -> Result<glob::Pattern, String> {
+    glob::Pattern::new(text).map_err(|error| error.to_string())
 }
 
 /// Reads what somebody says of a layer.

@@ -19,7 +19,7 @@ pub(super) struct Timings {
 }
 
 impl Timings {
-    fn sum(&self) -> Duration {
+    pub(super) fn sum(&self) -> Duration {
         self.load + self.plan + self.compile + self.filter + self.write
     }
 }

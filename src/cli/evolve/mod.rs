@@ -15,6 +15,7 @@ use super::backend::{LanesArgs, Processor};
 use super::error::Error;
 use super::log::Log;
 use super::measure::Measuring;
+use super::recall::Recall;
 use super::{interrupt, resolve, scenes};
 use crate::backend::Backend;
 use crate::evolve::{
@@ -39,6 +40,10 @@ const BEST: &str = "best.toml";
 const HISTORY: &str = "history.csv";
 const SUMMARY: &str = "summary.md";
 const CHECKPOINT: &str = "checkpoint.json";
+const SCENES: &str = "scenes.json";
+
+/// What a search breeds on, unless told.
+const DEFAULT_SCENES: &str = "data/train";
 
 const EXAMPLES: &str = "\
 Examples:
@@ -48,9 +53,9 @@ Examples:
   tamis evolve --scenes renders/a renders/b --max-time 600 --radius 8
 
 Writes best.toml (the filter and where it comes from), summary.md, history.csv
-and checkpoint.json into the output folder, replacing what an earlier run left.
-Ctrl-C ends the search with the best so far written; --resume goes on from
-there. The same seed finds the same filter with any number of threads.
+and checkpoint.json into the output folder, but not over those of an older search,
+unless with --overwrite. Ctrl-C ends the search with the best so far written; --resume
+goes on from there, on the same scenes. The same seed finds the same filter with any number of threads.
 
 Values in brackets are the presets' own.";
 
@@ -59,7 +64,8 @@ Values in brackets are the presets' own.";
 #[command(after_help = EXAMPLES)]
 pub(super) struct Evolve {
     /// Folders with 4spp.exr and reference.exr in or below them, or pairs of files
-    #[arg(long, num_args = 1.., value_name = scenes::VALUE, default_value = "data/train")]
+    /// [default: data/train; with --resume those that the search was started with]
+    #[arg(long, num_args = 1.., value_name = scenes::VALUE)]
     scenes: Vec<PathBuf>,
 
     /// Parameters to start from: those of the paper (half an hour on two fast cores), or
@@ -81,6 +87,10 @@ pub(super) struct Evolve {
     /// Go on from the checkpoint in the output folder
     #[arg(long, conflicts_with = "preset")]
     resume: bool,
+
+    /// Replace what an older search left in the output folder
+    #[arg(long, conflicts_with = "resume")]
+    overwrite: bool,
 
     /// End the search after so many seconds
     #[arg(long, value_name = "SECONDS")]
@@ -112,6 +122,7 @@ impl ValueEnum for Preset {
 
 impl Evolve {
     pub(super) fn run(&self, log: Log) -> Result<String, Error> {
+        self.spare_older_runs()?;
         let checkpoint = self.checkpoint()?;
         let mut settings = match &checkpoint {
             Some(checkpoint) => checkpoint.settings().clone(),
@@ -120,7 +131,8 @@ impl Evolve {
         self.parameters.apply(&mut settings);
         settings.validate()?;
         let backend = self.backend.open(self.lanes.lanes)?;
-        let files = scenes::find(&self.scenes)?;
+        let arguments = self.scenes()?;
+        let files = scenes::find(&arguments)?;
         let training = load(&files, &settings, log)?;
         self.make_folder()?;
         if checkpoint.is_none() {
@@ -144,10 +156,11 @@ impl Evolve {
             Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), &fitness)?,
             None => Search::new(settings.clone(), &fitness)?,
         };
+        Recall::of(&arguments, &[]).write(&self.out.join(SCENES))?;
         let outcome = self.search(&mut search, &settings, log)?;
         let best = outcome.best();
         if let Some(difference) = best.difference.filter(|&d| d > fitness.tolerance()) {
-            log.say(format_args!(
+            log.warn(format_args!(
                 "warning: no finalist is computed within {} of its exact meaning; the result, the \
                  closest of them, is off by up to {}",
                 number::difference(fitness.tolerance()),
@@ -155,9 +168,35 @@ impl Evolve {
             ));
         }
         if let Some(objection) = &best.objection {
-            log.say(format_args!("warning: no finalist is stable; of the result: {objection}"));
+            log.warn(format_args!("warning: no finalist is stable; of the result: {objection}"));
         }
         self.report(&settings, &outcome, &*backend, &files, log)
+    }
+
+    /// Checks that nothing of an older search would be replaced by accident.
+    fn spare_older_runs(&self) -> Result<(), Error> {
+        let there = |name: &&str| self.out.join(name).exists();
+        let older = [CHECKPOINT, BEST, HISTORY, SUMMARY].iter().any(there);
+        if older && !self.resume && !self.overwrite {
+            let run = self.out.display().to_string();
+            return Err(Error::OlderRun { run, option: "--out" });
+        }
+        Ok(())
+    }
+
+    /// The scenes to breed on, as arguments.
+    fn scenes(&self) -> Result<Vec<PathBuf>, Error> {
+        if !self.scenes.is_empty() {
+            return Ok(self.scenes.clone());
+        }
+        let remembered = match self.resume {
+            true => Recall::read(&self.out.join(SCENES))?.scenes(),
+            false => Vec::new(),
+        };
+        Ok(match remembered.is_empty() {
+            true => vec![DEFAULT_SCENES.into()],
+            false => remembered,
+        })
     }
 
     /// The checkpoint to go on from, if that is what is asked for.
@@ -191,7 +230,7 @@ impl Evolve {
         settings: &Settings,
         log: Log,
     ) -> Result<Outcome, Error> {
-        let stop = interrupt::flag(log, "stopping: judging the best so far")?;
+        let stop = interrupt::flag(log, "stopping: judging the best so far");
         let time_limit = self.max_time.map(|seconds| Duration::from_secs(seconds.into()));
         let control = Control {
             stop,

@@ -389,3 +389,57 @@ fn what_is_written_reads_back_with_the_sources_windows() {
     let error = write_rgb(nowhere, (9, 4), rgb, None).unwrap_err().to_string();
     assert!(error.contains("/no/such/folder/out.exr"), "{error}");
 }
+
+/// The levels of a channel, the largest first.
+fn levels(path: &Path) -> Vec<Vec<f32>> {
+    use exr::prelude::{ReadChannels, ReadLayers, read};
+    let image = read()
+        .no_deep_data()
+        .all_resolution_levels()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .expect("a sound file");
+    let samples = image.layer_data.channel_data.list.into_iter().next().expect("R").sample_data;
+    match samples {
+        exr::image::Levels::Mip { level_data, .. } => {
+            level_data.into_iter().map(|level| level.values_as_f32().collect()).collect()
+        }
+        _ => panic!("it has several levels"),
+    }
+}
+
+#[test]
+fn smaller_levels_are_made_anew() {
+    use exr::image::{AnyChannel, AnyChannels, Encoding, Image, Layer, Levels};
+    use exr::math::{RoundingMode, Vec2};
+    use exr::meta::mip_map_levels;
+    use exr::prelude::WritableImage;
+    let size = (20, 12);
+    let maps = mip_map_levels(RoundingMode::Down, Vec2(size.0, size.1))
+        .map(|(_, level)| FlatSamples::F32(vec![7.0; level.0 * level.1]));
+    let samples = Levels::Mip { rounding_mode: RoundingMode::Down, level_data: maps.collect() };
+    let channels = AnyChannels::sort([AnyChannel::new("R", samples)].into_iter().collect());
+    let encoding = Encoding { ..tiles(Compression::ZIP16, (8, 8)) };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("mip.exr");
+    let layer = Layer::new(size, Default::default(), encoding, channels);
+    Image::from_layer(layer).write().to_file(&path).expect("a writable folder");
+    assert!(levels(&path).iter().flatten().all(|&x| x == 7.0));
+    assert_eq!(
+        read_channels(&path, &["R"], None, Unfinished::Refused).expect("sound").channels["R"].len(),
+        240
+    );
+
+    let new: Vec<f32> = (0..240).map(|k| (k % 20) as f32).collect();
+    let copy = folder.path().join("copy.exr");
+    let replaced = Replacement { channel: "R", window: Window::of_size(size), samples: &new };
+    rewrite(&path, &copy, &[replaced], ("tamis", "test")).expect("writable");
+    let levels = levels(&copy);
+    assert_eq!(levels[0], new);
+    // Means of two by two, four by four, …
+    assert_eq!(levels[1][..3], [0.5, 2.5, 4.5]);
+    assert_eq!(levels[2][..2], [1.5, 5.5]);
+    assert_eq!(levels.last().expect("several"), &[9.5]);
+}

@@ -209,3 +209,171 @@ fn depth_is_not_a_component_of_something_else() {
     let m = mapping(&[("", "RGB"), ("Position", "XYZ"), ("Normal", "XYZ")], None);
     assert_eq!(m.value(Depth), None);
 }
+
+/// A file of each renderer as its users tick the boxes, and where it is taken from: position,
+/// normal, albedo, depth, direct light, colour.
+#[test]
+fn every_renderer_has_a_file() {
+    type Layers = &'static [(&'static str, &'static str)];
+    let files: [(&str, Layers, [&str; 6]); 10] = [
+        (
+            "Redshift",
+            &[
+                ("", "RGBA"),
+                ("DiffuseFilter", "RGB"),
+                ("BumpNormals", "XYZ"),
+                ("WorldPosition", "XYZ"),
+                ("Depth", "Z"),
+            ],
+            ["WorldPosition.X", "BumpNormals.X", "DiffuseFilter.R", "Depth.Z", "", "R"],
+        ),
+        (
+            "Octane",
+            &[
+                ("Noisy beauty", "RGB"),
+                ("Denoiser albedo", "RGB"),
+                ("Denoiser normal", "RGB"),
+                ("Position", "RGB"),
+                ("Z-depth", "R"),
+            ],
+            [
+                "Position.R",
+                "Denoiser normal.R",
+                "Denoiser albedo.R",
+                "Z-depth.R",
+                "",
+                "Noisy beauty.R",
+            ],
+        ),
+        (
+            "Corona",
+            &[
+                ("", "RGBA"),
+                ("CShading_Albedo", "RGB"),
+                ("CGeometry_NormalsShading", "RGB"),
+                ("CGeometry_WorldPosition", "RGB"),
+                ("CGeometry_ZDepth", "R"),
+            ],
+            [
+                "CGeometry_WorldPosition.R",
+                "CGeometry_NormalsShading.R",
+                "CShading_Albedo.R",
+                "CGeometry_ZDepth.R",
+                "",
+                "R",
+            ],
+        ),
+        (
+            "appleseed",
+            &[
+                ("beauty", "RGBA"),
+                ("albedo", "RGB"),
+                ("normal", "RGB"),
+                ("position", "RGB"),
+                ("depth", "R"),
+                ("direct_diffuse", "RGB"),
+            ],
+            ["position.R", "normal.R", "albedo.R", "depth.R", "direct_diffuse.R", "beauty.R"],
+        ),
+        (
+            "LuxCore",
+            &[
+                ("ViewLayer.Combined", "RGBA"),
+                ("ViewLayer.ALBEDO", "RGB"),
+                ("ViewLayer.AVG_SHADING_NORMAL", "XYZ"),
+                ("ViewLayer.POSITION", "XYZ"),
+                ("ViewLayer.DEPTH", "Z"),
+            ],
+            [
+                "ViewLayer.POSITION.X",
+                "ViewLayer.AVG_SHADING_NORMAL.X",
+                "ViewLayer.ALBEDO.R",
+                "ViewLayer.DEPTH.Z",
+                "",
+                "ViewLayer.Combined.R",
+            ],
+        ),
+        (
+            "V-Ray",
+            &[
+                ("", "RGBA"),
+                ("diffuseChannel", "RGB"),
+                ("normalsChannel", "XYZ"),
+                ("pointWorldChannel", "XYZ"),
+                ("zDepthChannel", ""),
+                ("lightingChannel", "RGB"),
+            ],
+            [
+                "pointWorldChannel.X",
+                "normalsChannel.X",
+                "diffuseChannel.R",
+                "zDepthChannel",
+                "lightingChannel.R",
+                "R",
+            ],
+        ),
+        (
+            "Mantra",
+            &[("C", "RGBA"), ("basecolor", "RGB"), ("N", "XYZ"), ("P", "XYZ"), ("Pz", "")],
+            ["P.X", "N.X", "basecolor.R", "Pz", "", "C.R"],
+        ),
+        (
+            "Unreal",
+            &[
+                ("FinalImage", "RGBA"),
+                ("FinalImageBaseColor", "RGB"),
+                ("FinalImageWorldNormal", "RGB"),
+                ("FinalImageMovieRenderQueue_WorldDepth", "R"),
+            ],
+            [
+                "",
+                "FinalImageWorldNormal.R",
+                "FinalImageBaseColor.R",
+                "FinalImageMovieRenderQueue_WorldDepth.R",
+                "",
+                "FinalImage.R",
+            ],
+        ),
+        (
+            "Open Image Denoise",
+            &[("hdr", "RGB"), ("alb", "RGB"), ("nrm", "RGB")],
+            ["", "nrm.R", "alb.R", "", "", "hdr.R"],
+        ),
+        ("luminance", &[("Y", "")], ["", "", "", "", "", "Y"]),
+    ];
+    for (name, channels, expected) in files {
+        let m = mapping(channels, None);
+        if name != "Mantra" {
+            // Karma's are the same names and one more.
+            assert_eq!(m.convention(), name);
+        }
+        let features = [WorldPosition, Normal, Texture, Depth, DirIllumination, Color];
+        for (feature, expected) in features.into_iter().zip(expected) {
+            let first = m.value(feature).map_or("", |source| source.channels[0].as_str());
+            assert_eq!(first, expected, "{name}: {}", feature.row().title);
+        }
+    }
+}
+
+#[test]
+fn names_of_two_meanings_count_in_files_of_their_renderer_alone() {
+    let lit = mapping(
+        &[("", "RGB"), ("N", "XYZ"), ("diffuse", "RGB"), ("specular", "RGB"), ("Z", "")],
+        None,
+    );
+    assert_eq!(value(&lit, Texture), "");
+    let vray = mapping(&[("", "RGB"), ("VRayNormals", "XYZ"), ("diffuse", "RGB")], None);
+    assert_eq!(value(&vray, Texture), "diffuse.R,diffuse.G,diffuse.B");
+}
+
+#[test]
+fn second_moments_are_variances_where_the_samples_are_known() {
+    let layers = [("img", "RGB"), ("nn", "XYZ"), ("m2_img", "RGB"), ("m2_nn", "XYZ")];
+    let m = mapping(&layers, None);
+    assert_eq!((m.variance(Color), m.unusable().len()), (None, 2));
+    let m = mapping(&layers, Some(17));
+    let variance = m.variance(Color).expect("they are known");
+    assert_eq!((variance.divisor, variance.is_moment), (16.0, true));
+    assert_eq!(variance.channels[2], "m2_img.B");
+    assert!(m.variance(Normal).is_some_and(|variance| variance.is_moment));
+}
