@@ -136,7 +136,7 @@ fn the_gradient_of_a_program_is_that_of_its_meaning() {
 #[test]
 fn gradients_of_random_programs_are_those_of_their_meanings() {
     let (mut all, mut nonzero, mut worst) = (0, 0, 0.0f64);
-    for seed in 0..80 {
+    for seed in 0..90 {
         let filter = parse(&programs::random(seed, 1 + seed as usize % 12));
         let scene = fixture::scene(13, 11, seed % 3);
         let gradient = gradient(&filter, &scene, Passes::ALL);

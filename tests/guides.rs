@@ -85,7 +85,7 @@ fn gradients_and_estimated_variances_are_those_of_the_bounded_guide() {
     let said = Note::Bounded { feature: Feature::Texture, bounds: [0.0, 1.0], count: 9 };
     assert!(radiant.notes().contains(&said), "{:?}", radiant.notes());
     assert!(!white.notes().iter().any(|note| matches!(note, Note::Bounded { .. })));
-    // A normal may be too long as well; what has no bounds stays as it is.
+    // A normal that is too long is shortened; what has no bounds stays as it is.
     let long = lamp_in_view(0.5).with(
         Feature::Normal,
         Quantity::Value,
@@ -99,6 +99,6 @@ fn gradients_and_estimated_variances_are_those_of_the_bounded_guide() {
     };
     assert_eq!(at(Feature::Normal, 2), -1.0);
     assert!(at(Feature::DirIllumination, 0) > 29.0 && at(Feature::Color, 0) > 29.0);
-    let said = Note::Bounded { feature: Feature::Normal, bounds: [-1.0, 1.0], count: 9 };
+    let said = Note::LongNormals { count: 9 };
     assert!(scene.notes().contains(&said), "{:?}", scene.notes());
 }

@@ -8,10 +8,9 @@ use crate::scene::Target;
 /// Which channels feed which feature, what is absent, and what it would bring.
 pub struct Feeds<'a>(pub &'a Target);
 
-/// What `tamis` gains by features that are absent: the share of the error that would be left,
-/// measured on scenes that it was not tuned on (docs/filters/tamis.md).
-const GUIDES_LEAVE: &str = "a quarter of the error";
-const REST_LEAVES: &str = "a fifth of the error";
+/// What `tamis` gains by guides that are absent, measured on scenes that it was not tuned on
+/// (docs/filters/tamis.md).
+const GUIDES_LEAVE: &str = "about a quarter of the error";
 
 impl fmt::Display for Feeds<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -20,15 +19,14 @@ impl fmt::Display for Feeds<'_> {
         if !which.is_empty() {
             write!(f, "{which}: ")?;
         }
-        write!(f, "named as {} does: ", mapping.convention())?;
+        if let Some(renderer) = mapping.renderer() {
+            write!(f, "{renderer}: ")?;
+        }
         let sources = mapping.sources().filter(|&(_, quantity, _)| quantity == Quantity::Value);
         let mut told: Vec<String> = Vec::new();
         for (feature, _, source) in sources {
             let layer = layer(&source.channels);
-            let mut text = format!("{} from {layer}", feature.row().title);
-            if source.convention != mapping.convention() {
-                text.push_str(&format!(" ({})", source.convention));
-            }
+            let text = format!("{} from {layer}", feature.row().title);
             told.push(text);
         }
         // The colour first, as people think of it.
@@ -43,26 +41,18 @@ impl fmt::Display for Feeds<'_> {
 
         let lacks = |feature: &Feature| mapping.value(*feature).is_none();
         let guides = [Feature::Texture, Feature::Normal, Feature::Depth];
-        let absent: Vec<&str> =
+        let mut absent: Vec<&str> =
             guides.iter().filter(|f| lacks(f)).map(|feature| feature.row().title).collect();
-        let lacks_guides = lacks(&Feature::Texture) || lacks(&Feature::Normal);
-        let lacks_variance = mapping.variance(Feature::Color).is_none();
-        if absent.is_empty() && !lacks_variance {
-            return Ok(());
+        if mapping.variance(Feature::Color).is_none() {
+            absent.push("variances (estimated)");
         }
-        f.write_str("; absent: ")?;
-        f.write_str(&absent.join(", "))?;
-        if lacks_guides {
-            write!(f, ", which would take away {GUIDES_LEAVE}")?;
+        if !absent.is_empty() {
+            write!(f, "; absent: {}", absent.join(", "))?;
+        }
+        if lacks(&Feature::Texture) || lacks(&Feature::Normal) {
+            write!(f, "; albedo and normals would take away {GUIDES_LEAVE}")?;
             if !mapping.switches().is_empty() {
                 write!(f, " (switch on: {})", mapping.switches())?;
-            }
-        }
-        if lacks_variance {
-            let and = if absent.is_empty() { "" } else { "; " };
-            write!(f, "{and}variances (estimated)")?;
-            if !lacks_guides {
-                write!(f, ", which with direct light would take away {REST_LEAVES}")?;
             }
         }
         Ok(())

@@ -49,6 +49,6 @@ impl Term {
     /// Whether it is an image that the renderer supplies; else a kernel knows it
     /// from the pixel's place.
     pub(super) fn is_image(self) -> bool {
-        !self.row().channels.is_empty()
+        self.feature != Feature::Pixel
     }
 }

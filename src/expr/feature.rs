@@ -229,7 +229,7 @@ features! {
     }
     /// Another picture that is filtered by the colour's weights.
     Layer {
-        name: "layer",
+        name: "otherLayer",
         width: 3,
         unit: Unit::Light,
         title: "another picture",

@@ -24,7 +24,7 @@ use crate::expr::symbol::{StageSignal, Symbol, Variadic};
 use crate::expr::tree::Tree;
 
 impl Filter {
-    /// The filter of `layer` by the weights of the colour; nothing if this one's result is no
+    /// The filter of `otherLayer` by the weights of the colour; nothing if this one's result is no
     /// weighted mean of the colour.
     pub fn carrying(&self) -> Option<Self> {
         let mut carried: Vec<Option<u16>> = Vec::with_capacity(self.stages.len());

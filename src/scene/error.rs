@@ -12,16 +12,14 @@ pub enum SceneError {
     Image(#[from] ImageError),
     /// No convention recognises a colour.
     #[error(
-        "{path}: no colour found; looked for {looked_for}; the file has {present}. \
-         Rename the channels of the noisy colour to R, G and B",
+        "{path}: no colour found: there are no channels R, G and B, and no layer is called as \
+         renderers call their picture. Choose one with `--map color=NAME`; the file has {present}",
         path = path.display()
     )]
     MissingColor {
         /// The file.
         path: PathBuf,
-        /// The names that would have been taken.
-        looked_for: String,
-        /// What the file has, as text.
+        /// The layers of three channels that the file has, or its channels, as text.
         present: String,
     },
     /// A view, a layer or a channel that was asked for is not there.
@@ -35,6 +33,15 @@ pub enum SceneError {
         name: String,
         /// What there is, as text.
         present: String,
+    },
+    /// A file beside the colour's has nothing in it that is known.
+    #[error(
+        "{path}: nothing in it is known to be a feature; say what it is: `--albedo`, `--normal` \
+         or `--depth` in place of `--aux`, or `--map`", path = path.display()
+    )]
+    FeedsNothing {
+        /// The file.
+        path: PathBuf,
     },
     /// A filter reads a feature that the file does not hold.
     #[error(

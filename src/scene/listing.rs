@@ -4,7 +4,7 @@
 //! two names:
 //!
 //! - its *full name*, by which people and errors call it: in the first file that of
-//!   [`Header`](crate::image::exr::Header), in others `FILE:CHANNEL`;
+//!   [`Header`], in others `FILE:CHANNEL`;
 //! - its *layer's name*, which conventions are matched with: without the view it belongs to
 //!   (`right.Albedo.R` and `Albedo.right.R` are `Albedo.R` of the view `right`), and with the
 //!   file's name before bare channels of other files (`R` of `shot_albedo.0012.exr` is

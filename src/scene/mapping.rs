@@ -27,7 +27,7 @@ use std::fmt;
 
 use super::SceneError;
 use super::listing::{Entry, Listing};
-use super::naming::{CONVENTIONS, Candidate, Convention, MOMENT, Spread, Way, expand};
+use super::naming::{CONVENTIONS, Candidate, Convention, MOMENT, Spread, Way, expand, is_data};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::image::listing;
 
@@ -45,6 +45,9 @@ pub struct Source {
     /// from first.
     pub is_moment: bool,
 }
+
+/// A quantity, and the channels that feed it.
+pub(super) type Fed = ((Feature, Quantity), Source);
 
 /// What somebody says that a layer is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -93,6 +96,8 @@ impl fmt::Display for Which {
 pub struct Mapping {
     which: Which,
     convention: &'static Convention,
+    /// Whether a name in the file is the renderer's alone.
+    is_certain: bool,
     sources: BTreeMap<(Feature, Quantity), Source>,
     unusable: Vec<Unusable>,
 }
@@ -185,6 +190,7 @@ impl Mapping {
         let mut mapping = Self {
             which: Which::default(),
             convention,
+            is_certain: index.has_own_name(convention, prefix),
             sources: BTreeMap::new(),
             unusable: Vec::new(),
         };
@@ -254,8 +260,13 @@ impl Mapping {
                     said.iter().map(|entry| entry.full.clone()).collect()
                 }
                 None => {
-                    let present = said.iter().map(|entry| entry.full.clone());
-                    return Err(nothing(listing, "layer", feature.row().title, present));
+                    let file = listing.place(&said[0].full).map_or(0, |(file, _)| file);
+                    return Err(SceneError::NotInFile {
+                        path: listing.file(file).to_owned(),
+                        what: "layer of three channels for",
+                        name: feature.row().title.to_owned(),
+                        present: said.iter().map(|e| e.full.clone()).collect::<Vec<_>>().join(", "),
+                    });
                 }
             };
             taking.claimed.extend(channels.iter().cloned());
@@ -357,9 +368,14 @@ impl Mapping {
         &self.which
     }
 
+    /// The renderer, if names tell that it is no other.
+    pub fn renderer(&self) -> Option<&'static str> {
+        (self.is_certain && !self.convention.switches.is_empty()).then_some(self.convention.name)
+    }
+
     /// What a user switches on in the renderer for more features; nothing if nobody knows.
     pub fn switches(&self) -> &'static str {
-        self.convention.switches
+        if self.is_certain { self.convention.switches } else { "" }
     }
 
     /// The convention that explains the file best.
@@ -402,11 +418,10 @@ impl Mapping {
     ///
     /// # Errors
     /// If the file has none.
-    pub fn color(&self, listing: &Listing) -> Result<&Source, SceneError> {
+    pub fn color(&self, files: &Listing) -> Result<&Source, SceneError> {
         self.value(Feature::Color).ok_or_else(|| SceneError::MissingColor {
-            path: listing.path().to_owned(),
-            looked_for: looked_for(Feature::Color),
-            present: listing.listing(),
+            path: files.path().to_owned(),
+            present: layers_of(files),
         })
     }
 }
@@ -414,6 +429,18 @@ impl Mapping {
 impl Source {
     fn of(channels: Vec<String>, convention: &'static str) -> Self {
         Self { channels, convention, divisor: 1.0, is_moment: false }
+    }
+}
+
+/// The layers of three channels, or if there is none, the channels.
+fn layers_of(files: &Listing) -> String {
+    let ends = [".R", ".r", ".red", ".X"];
+    let entries = || files.entries().iter().map(|entry| entry.full.as_str());
+    let layers: Vec<&str> =
+        entries().filter_map(|name| ends.iter().find_map(|end| name.strip_suffix(end))).collect();
+    match layers.is_empty() {
+        true => files.listing(),
+        false => format!("the layers {}", listing(layers.into_iter())),
     }
 }
 
@@ -493,11 +520,12 @@ impl<'a> Index<'a> {
 
     /// The full names of a candidate's channels, if all of them are there.
     fn find(&self, prefix: &str, candidate: &Candidate) -> Option<Vec<String>> {
-        // A Z beside X and Y is no depth.
+        // A Z beside X and Y is no depth, and a Y beside X no luminance.
         if let [name] = candidate.as_slice()
-            && let Some(layer) = format!("{prefix}{name}").strip_suffix('z')
+            && let full = format!("{prefix}{name}")
+            && let Some(layer) = full.strip_suffix(['y', 'z'])
             && (layer.is_empty() || layer.ends_with('.'))
-            && ["x", "y"].iter().all(|c| self.names.contains_key(format!("{layer}{c}").as_str()))
+            && self.names.contains_key(format!("{layer}x").as_str())
         {
             return None;
         }
@@ -562,6 +590,7 @@ impl<'a> Index<'a> {
             .keys()
             .filter_map(|name| name.strip_suffix('r'))
             .filter(|prefix| prefix.is_empty() || prefix.ends_with('.'))
+            .filter(|prefix| !is_data(prefix.trim_end_matches('.')))
             .filter_map(|prefix| self.find(prefix, &["r", "g", "b"].map(str::to_owned).to_vec()))
             .collect();
         match <[Vec<String>; 1]>::try_from(triples) {

@@ -188,7 +188,7 @@ impl Scene {
     }
 
     /// The same scene with one of its layers as what is filtered: as the noisy colour, and as
-    /// `layer` for formulas; weights look at the colour as before.
+    /// `otherLayer` for formulas; weights look at the colour as before.
     ///
     /// # Panics
     /// If there is no such layer.

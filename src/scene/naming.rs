@@ -371,6 +371,17 @@ impl Convention {
     }
 }
 
+/// Whether a layer is known to hold something else than light: surfaces, places, hashes of
+/// Cryptomatte.
+pub(super) fn is_data(layer: &str) -> bool {
+    let lower = layer.to_lowercase();
+    let last = lower.rsplit('.').next().unwrap_or_default();
+    let data = [WorldPosition, Normal, Texture, SecTexture, Depth];
+    let rows = CONVENTIONS.iter().flat_map(|row| row.values).filter(|row| data.contains(&row.0));
+    let mut known = rows.flat_map(|row| row.1).filter(|name| !AMBIGUOUS.contains(name));
+    last.starts_with("crypto") || known.any(|name| name.eq_ignore_ascii_case(last))
+}
+
 /// The longest layer that some convention knows at the end of a name of a file, which may go
 /// on before it (`shot_12-albedo`).
 pub(super) fn layer_in(name: &str) -> Option<&'static str> {

@@ -91,14 +91,16 @@ impl Note {
     /// Whether it tells of a loss that even those should hear of who want to hear nothing.
     pub fn is_warning(&self) -> bool {
         match self {
-            Self::Repaired { .. } | Self::LeftBad { .. } | Self::Unfinished { .. } => true,
+            Self::Repaired { .. }
+            | Self::LeftBad { .. }
+            | Self::Unfinished { .. }
+            | Self::Uncovered { .. } => true,
             Self::Negative { .. }
             | Self::Bounded { .. }
             | Self::Fireflies { .. }
             | Self::EstimatedVariance(_)
             | Self::UnusableVariance { .. }
             | Self::FarDepth { .. }
-            | Self::Uncovered { .. }
             | Self::EncodedNormals
             | Self::LongNormals { .. } => false,
         }
@@ -125,12 +127,12 @@ impl fmt::Display for Note {
                 write!(
                     f,
                     "{}: {count} pixel(s) outside of [{lo}, {hi}] brought into it",
-                    feature.row().name
+                    feature.row().title
                 )
             }
             Self::Fireflies { feature, count } => {
                 let fate = if feature.row().bounds.is_some() { "" } else { " kept" };
-                write!(f, "{}: {count} firefly pixel(s){fate}", feature.row().name)
+                write!(f, "{}: {count} firefly pixel(s){fate}", feature.row().title)
             }
             Self::EstimatedVariance(feature) => write!(
                 f,

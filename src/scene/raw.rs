@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::mapping::{Mapping, Source, looked_for};
+use super::mapping::{Fed, Mapping, Source, looked_for};
 use super::needs::Needs;
 use super::note::Note;
 use super::target::{LayerChannels, Read, Target};
@@ -134,9 +134,6 @@ impl RawScene {
     }
 }
 
-/// A quantity, and the channels that feed it.
-pub(super) type Fed = ((Feature, Quantity), Source);
-
 /// What `needs` come from: the quantities, and the channels of each; the colour first, and
 /// values before variances.
 pub(super) fn sources(
@@ -208,7 +205,9 @@ pub(super) fn notes(target: &Target, sources: &[Fed], needs: &Needs, read: &Read
         if target.listing().is_placed(&source.channels[0]) {
             let covered = window.overlap(&read.window).map_or(0, |both| both.pixels());
             let count = read.window.pixels() - covered;
-            notes.push(Note::Uncovered { feature: *feature, window, count });
+            if count > 0 {
+                notes.push(Note::Uncovered { feature: *feature, window, count });
+            }
         }
     }
     if read.missing_rows > 0 {

@@ -8,9 +8,9 @@ use glob::Pattern;
 
 use super::SceneError;
 use super::listing::{Aux, Listing};
-use super::mapping::{Mapping, Selection};
-use super::raw::Fed;
-use crate::expr::feature::Feature;
+use super::mapping::{Fed, Mapping, Selection};
+use super::naming::is_data;
+use crate::expr::feature::{Feature, Quantity};
 use crate::image::exr::{Attributes, Sink, Unfinished, Window};
 use crate::image::{ImageError, files};
 
@@ -46,6 +46,15 @@ impl Target {
     pub fn all(path: &Path, aux: &[Aux], selection: &Selection) -> Result<Vec<Self>, SceneError> {
         let listing = Arc::new(Listing::read(path, aux)?);
         let mappings = Mapping::all(&listing, selection)?;
+        for file in 1..listing.files() {
+            let feeds = |mapping: &Mapping| {
+                let mut channels = mapping.sources().flat_map(|(_, _, source)| &source.channels);
+                channels.any(|name| listing.place(name).is_some_and(|(home, _)| home == file))
+            };
+            if !mappings.iter().any(feeds) {
+                return Err(SceneError::FeedsNothing { path: listing.file(file).to_owned() });
+            }
+        }
         let target = |mapping| Self { listing: Arc::clone(&listing), mapping };
         Ok(mappings.into_iter().map(target).collect())
     }
@@ -111,8 +120,8 @@ impl Target {
     }
 
     /// The layers beside the colour whose names are of a pattern, in the file's order: with
-    /// their view and this picture's layer before them, or without. What feeds a feature is
-    /// none of them.
+    /// their view and this picture's layer before them, or without. What is no light is none
+    /// of them: other features, and Cryptomatte's hashes.
     ///
     /// # Errors
     /// If there is none for a pattern.
@@ -121,8 +130,10 @@ impl Target {
         let views = self.listing.views();
         let view = which.view.as_ref().and_then(|view| views.iter().position(|v| v == view));
         let prefix = which.layer.as_ref().map(|layer| format!("{}.", layer.to_lowercase()));
-        let fed: HashSet<&String> =
-            self.mapping.sources().flat_map(|(_, _, source)| &source.channels).collect();
+        let others = self.mapping.sources().filter(|&(feature, quantity, _)| {
+            (feature, quantity) != (Feature::DirIllumination, Quantity::Value)
+        });
+        let fed: HashSet<&String> = others.flat_map(|(_, _, source)| &source.channels).collect();
         let window = self.window()?;
         let mut all: Vec<LayerChannels> = Vec::new();
         for entry in self.listing.entries() {
@@ -134,11 +145,14 @@ impl Target {
                 continue;
             };
             let place = match component {
-                "R" | "r" | "red" | "X" => 0,
-                "G" | "g" | "green" | "Y" => 1,
-                "B" | "b" | "blue" | "Z" => 2,
+                "R" | "r" | "red" => 0,
+                "G" | "g" | "green" => 1,
+                "B" | "b" | "blue" => 2,
                 _ => continue,
             };
+            if is_data(layer) {
+                continue;
+            }
             if all.last().is_none_or(|last| last.name != layer) {
                 let channels = [const { String::new() }; 3];
                 all.push(LayerChannels { name: layer.to_owned(), channels });
@@ -146,9 +160,13 @@ impl Target {
             all.last_mut().expect("just pushed").channels[place] = entry.full.clone();
         }
         all.retain(|layer| layer.channels.iter().all(|channel| !channel.is_empty()));
-        let relative = |layer: &LayerChannels| match &which.layer {
-            Some(own) => layer.name.get(own.len() + 1..).unwrap_or_default().to_owned(),
-            None => layer.name.clone(),
+        // `ViewLayer.` before `ViewLayer.Combined.R`.
+        let [first, ..] = self.color_channels()?;
+        let own = first.rsplit_once('.').and_then(|(layer, _)| layer.rsplit_once('.'));
+        let own = own.map(|(before, _)| format!("{before}."));
+        let relative = |layer: &LayerChannels| {
+            let own = own.as_deref().unwrap_or_default();
+            layer.name.strip_prefix(own).unwrap_or(&layer.name).to_owned()
         };
         for pattern in patterns {
             let is_of =

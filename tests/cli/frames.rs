@@ -35,7 +35,7 @@ fn several_frames_are_what_each_would_be_alone() {
         // What feeds the filter, once, as it is the same; then one line of remarks and one of
         // times each, in the order of the inputs.
         let (feeds, rest) = report.split_once('\n').expect("several lines");
-        assert!(feeds.starts_with("frames/a.exr: named as"), "{report}");
+        assert!(feeds.starts_with("frames/a.exr: colour from R G B"), "{report}");
         let lines: Vec<&str> = rest.lines().collect();
         assert_eq!(lines.len(), 2 * inputs.len() + 1, "{report}");
         for (name, lines) in results.iter().zip(lines.chunks(2)) {
@@ -85,7 +85,7 @@ fn a_frame_that_fails_leaves_the_others_alone() {
     let report = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{report}");
     let starts = [
-        "frames/a.exr: named as",
+        "frames/a.exr: colour from",
         "clean/a.exr: 24x20",
         "load ",
         "tamis: error: frames/b.exr: not an OpenEXR file",
@@ -159,11 +159,11 @@ fn a_frame_without_a_filter_gets_what_it_can_feed() {
     // The best is a program, which does without everything but the colour.
     let report = denoise(&[]);
     for (frame, feeds) in [
-        ("a", "normals from Normal, albedo from Albedo; absent: depth; variances (estimated)"),
-        ("b", "colour from R G B; absent: albedo, normals, depth, which would take away"),
+        ("a", "normals from Normal, albedo from Albedo; absent: depth, variances (estimated)"),
+        ("b", "variances (estimated); albedo and normals would take away"),
         ("c", "albedo from Albedo, depth from Depth.Z; absent: variances (estimated)"),
     ] {
-        let begin = format!("frames/{frame}.exr: named as ");
+        let begin = format!("frames/{frame}.exr: colour from ");
         let line = report.lines().find(|line| line.starts_with(&begin));
         assert!(line.is_some_and(|line| line.contains(feeds)), "no `{feeds}` in: {report}");
     }

@@ -397,6 +397,8 @@ fn layers_that_add_up_to_the_colour_still_do() {
         channels.push((format!("light_key.{name}"), part(0.75)));
         channels.push((format!("light_fill.{name}"), part(0.25)));
         channels.push((format!("specular.{name}"), part(0.5)));
+        channels.push((format!("Direct.{name}"), part(0.75)));
+        channels.push((format!("crypto00.{name}"), part(0.5)));
     }
     channels.push(("A".to_owned(), FlatSamples::F32(vec![1.0; SIZE.0 * SIZE.1])));
     write(&place.path("in.exr"), channels);
@@ -415,6 +417,10 @@ fn layers_that_add_up_to_the_colour_still_do() {
     }
     // What is the same everywhere stays so.
     assert!(after.samples(0, "A").iter().all(|a| (a - 1.0).abs() < 1e-5));
+    // Direct light feeds filters, and is light all the same; data are no pictures.
+    let (_, all, report) = denoised(&place, &["--layers", "*"]);
+    assert!(report.contains("weights: Direct, light_fill, light_key, specular"), "{report}");
+    assert_eq!(all.samples(0, "Direct.G"), after.samples(0, "light_key.G"));
     let wrong = ["denoise", "in.exr", "-o", "no.exr", "--layers", "light_*,lamp*"];
     place.fails(1, &wrong, &["in.exr", "lamp*", "light_key", "specular"]);
     let lossy = "version = 2\nname = \"x\"\n[[stage]]\nname = \"y\"\nmap = \"sqrt(color)\"\n";
@@ -454,6 +460,10 @@ fn features_may_be_called_anything_and_be_anywhere() {
     let files = ["--albedo", "a.exr", "--normal", "n.exr", "--aux", "shot_Depth.0012.exr"];
     denoised(&place, &files);
     assert_eq!(place.pixels("out.exr"), expected);
+    let wrong = ["denoise", "in.exr", "-o", "no.exr", "--aux", "a.exr"];
+    place.fails(1, &wrong, &["a.exr", "nothing in it", "--albedo"]);
+    let wrong = ["denoise", "in.exr", "-o", "no.exr", "--albedo", "shot_Depth.0012.exr"];
+    place.fails(1, &wrong, &["shot_Depth.0012.exr", "albedo"]);
     fs::rename(place.path("a.exr"), place.path("shot.albedo.exr")).expect("writable");
     let files = ["--aux", "shot.albedo.exr", "--normal", "n.exr", "--depth", "shot_Depth.0012.exr"];
     denoised(&place, &files);

@@ -209,7 +209,8 @@ fn denoise_agrees_with_machine_code() {
         });
         for c in 0..3 {
             for (gpu, jit) in gpu.rgb()[c].iter().zip(jit.rgb()[c]) {
-                let allowed = 2.0 * ACCURACY * f64::from(jit.abs());
+                // Results are halves, as the scenes are: they may be rounded apart.
+                let allowed = (2.0 * ACCURACY + 1.0 / 1024.0) * f64::from(jit.abs());
                 assert!(f64::from((gpu - jit).abs()) <= allowed, "{name}: {gpu}, not {jit}");
             }
         }

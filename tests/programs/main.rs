@@ -167,7 +167,7 @@ fn random_programs_mean_the_same_to_everyone() {
         scenes.push(fixture::scene(37, 29, seed));
     }
     let (mut gathers, mut mirrored, mut worst) = (0, 0, 0.0f64);
-    for seed in 0..120 {
+    for seed in 0..144 {
         let text = programs::random(seed, 1 + seed as usize % 12);
         let filter = parse(&text);
         assert_eq!(parse(&filter.to_toml(toml::Table::new())), filter, "{text}");

@@ -47,12 +47,8 @@ impl Band {
         let (from, to) = ((kept.start - old + 1) * stride, (kept.start - rows.start + 1) * stride);
         let length = kept.len() * stride;
         if rows.len() > room {
-            // What is kept from wave to wave seldom has to move; where that is nothing, the
-            // same rows are written again and again, and stay near the processor.
-            self.room = match kept.is_empty() && room > 0 {
-                true => rows.len(),
-                false => 2 * rows.len(),
-            };
+            // Twice as many as needed, so that rows seldom have to move.
+            self.room = 2 * rows.len();
             // A row of slack at both ends, for who looks beside the first and last pixel.
             let samples = (self.room + 2) * stride;
             for side in self.sides() {

@@ -2,8 +2,7 @@
 //!
 //! The image is cut into strips of rows, which are handed to threads. A strip is computed
 //! in waves of some rows: in each, every kernel goes on as far as the next ones need it,
-//! so that what was just written is read while it is still near the processor. The first
-//! waves are those in which the first kernels alone go on, as they have to be ahead. A plane is
+//! so that what was just written is read while it is still near the processor. A plane is
 //! kept as a band of rows: those that a kernel still looks at, and those of the wave. So
 //! memory does not grow with the image's height. A pixel's value depends on nothing but
 //! its surroundings, so that strips, waves and threads change no bit.
@@ -169,8 +168,6 @@ pub(super) struct ProgramCode<E: Engine> {
     places: BTreeMap<StagePlane, usize>,
     /// By place: the kernel that writes the plane, and those that read it.
     traffic: Vec<(usize, Vec<Reader>)>,
-    /// Rows that the first kernels are ahead of the last ones, above and below together.
-    climb: usize,
 }
 
 impl<E: Engine> ProgramCode<E> {
@@ -214,9 +211,8 @@ impl<E: Engine> ProgramCode<E> {
         }
         let tables: Vec<Option<Table>> = program.kernels.iter().map(Table::of).collect();
         let values = Vec::new();
-        let (program, climb) = (program.clone(), climb(program));
-        let mut code = Self { program, codes, tables, values, places, traffic, climb };
-        code.values = code.values(&code.program.filter.constants.values());
+        let mut code = Self { program: program.clone(), codes, tables, values, places, traffic };
+        code.values = code.values(&program.filter.constants.values());
         Ok(code)
     }
 
@@ -322,21 +318,6 @@ impl Strip<'_> {
     }
 }
 
-/// How many rows further down a program's first kernels are than its last ones, and how many
-/// further up they begin.
-fn climb(program: &Program) -> usize {
-    // Far from the borders of an image, where nothing is cut off.
-    const FAR: usize = 1 << 20;
-    let needed = program.needed(FAR..FAR + 1, 2 * FAR + 1);
-    let climbs = needed.iter().zip(&program.kernels).filter(|(rows, _)| !rows.is_empty()).map(
-        |(rows, kernel)| {
-            let step = kernel.grid().step();
-            FAR.saturating_sub(rows.start * step) + (rows.end * step).saturating_sub(FAR)
-        },
-    );
-    climbs.max().unwrap_or(0)
-}
-
 /// How planes of a grid lie.
 fn on_grid(layout: Layout, grid: Grid) -> Layout {
     match grid {
@@ -399,59 +380,35 @@ impl<E: Engine> ProgramCode<E> {
         let mut strip = Strip::new(self, scene, rect, self.bands(layout));
         let first = program.needed(rows.start..rows.start + 1, height);
         let mut done: Vec<usize> = first.into_iter().map(|rows| rows.start).collect();
-        // The first kernels are some waves ahead of the last: those come before the strip.
-        let before = (1..=self.climb.div_ceil(WAVE)).rev();
-        let before = before.map(|wave| (rows.start, self.ends(rows.start, wave * WAVE, height)));
-        let tops = rows.clone().step_by(WAVE).map(|top| {
-            let needed = program.needed(rows.start..(top + WAVE).min(rows.end), height);
-            (top, needed.into_iter().map(|rows| rows.end).collect())
-        });
-        let climbing = self.climb.div_ceil(WAVE);
-        for (wave, (top, ends)) in before.chain(tops).enumerate() {
-            let ends: Vec<usize> = ends;
+        for top in rows.clone().step_by(WAVE) {
+            let bottom = (top + WAVE).min(rows.end);
+            let needed = program.needed(rows.start..bottom, height);
             for (band, (writer, readers)) in strip.bands.iter_mut().zip(&self.traffic) {
                 let first = readers.iter().map(|reader| match reader.kernel {
                     None => top,
                     Some(k) => {
-                        let rows = done[k]..ends[k].max(done[k]);
+                        let rows = done[k]..needed[k].end.max(done[k]);
                         let stands = program.kernels[k].stands(rows, height);
                         stands.start.saturating_sub(reader.above)
                     }
                 });
                 // A wave may need no further row of a plane of half the resolution.
-                let end = ends[*writer].max(done[*writer]);
+                let end = needed[*writer].end.max(done[*writer]);
                 let first = first.min().unwrap_or(end).min(done[*writer]);
                 band.hold(first..end.max(first + 1));
             }
             for k in 0..program.kernels.len() {
-                let part = done[k]..ends[k];
+                let part = done[k]..needed[k].end;
                 if !part.is_empty() {
                     done[k] = part.end;
                     self.rows(k, &self.values[k], part, &mut strip, scratch)?;
                 }
             }
-            if wave < climbing {
-                continue;
-            }
-            let bottom = (top + WAVE).min(rows.end);
             let (wave, rest) = pixels.split_at_mut((bottom - top) * rect.width);
             pixels = rest;
             self.take(&strip, Rect { y: top, height: bottom - top, ..rect }, wave);
         }
         Ok(strip.kept)
-    }
-
-    /// How far each kernel has to be when the result would be so many rows above a row, as if
-    /// the image went on there.
-    fn ends(&self, row: usize, above: usize, height: usize) -> Vec<usize> {
-        let shift = (above + self.climb).next_multiple_of(2);
-        let bottom = row + shift - above;
-        let needed = self.program.needed(bottom..bottom + 1, height + 2 * shift);
-        let ends = needed.into_iter().zip(&self.program.kernels).map(|(rows, kernel)| {
-            let grid = kernel.grid();
-            rows.end.saturating_sub(shift / grid.step()).min(grid.along(height))
-        });
-        ends.collect()
     }
 
     pub(super) fn place(&self, plane: StagePlane) -> usize {

@@ -227,7 +227,7 @@ fn placed(
 fn written_as(output: &Path, format: Option<Form>) -> Result<Form, Error> {
     let Some(form) = Form::of(output) else {
         return Err(Error::Usage(format!(
-            "{}: results are written as .exr (linear) or .png (tone-mapped); \
+            "{}: results are written as .exr, .pfm (linear) or .png (tone-mapped); \
              give the output one of these endings",
             output.display()
         )));

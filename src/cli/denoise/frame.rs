@@ -91,8 +91,8 @@ impl Job<'_> {
         }
         let output = frame.output_name();
         let recompressed = lost.recompressed.iter().map(|compression| {
-            Remark::Warning(format!(
-                "{output}: {compression} loses precision: so did channels beside the colour"
+            Remark::Detail(format!(
+                "{output}: {compression} loses precision, also of channels beside the colour"
             ))
         });
         let mut remarks: Vec<Remark> = recompressed.collect();

@@ -103,7 +103,7 @@ pub(super) struct Denoise {
     alpha: Alpha,
 
     /// Make PNG results brighter by so many stops, or darker
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, value_parser = stops, allow_negative_numbers = true)]
     exposure: f32,
 
     #[command(flatten)]
@@ -118,6 +118,14 @@ pub(super) struct Denoise {
 
     #[command(flatten)]
     sequence: Sequence,
+}
+
+/// Reads a number of photographic stops.
+fn stops(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(stops) if (-64.0..=64.0).contains(&stops) => Ok(stops),
+        Ok(_) | Err(_) => Err("it must be a number of stops from -64 to 64".to_owned()),
+    }
 }
 
 /// What becomes of the alpha.

@@ -120,7 +120,7 @@ pub fn decode_channels<S: AsRef<str>>(
     sink: &mut dyn Sink,
 ) -> Result<Decoded, ImageError> {
     let mut source = Source::open(path)?;
-    let header = Header::of(&source);
+    let header = source.listing();
     let places = locate(&header, wanted)?;
     let first = places.first().expect("callers want at least the colour").part;
     let attributes = Some(Attributes::of(&source.headers()[first]));

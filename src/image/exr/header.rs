@@ -7,8 +7,6 @@ use std::path::{Path, PathBuf};
 use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 
-use super::source::Source;
-use crate::image::ImageError;
 use crate::image::error::listing;
 use crate::image::files::Format;
 
@@ -256,16 +254,8 @@ impl Header {
         }
     }
 
-    /// Reads the listing of the file at `path`.
-    ///
-    /// # Errors
-    /// If the file cannot be opened or is no OpenEXR file.
-    pub fn read(path: &Path) -> Result<Self, ImageError> {
-        Ok(Self::of(&Source::open(path)?))
-    }
-
-    pub(super) fn of(source: &Source) -> Self {
-        let (path, headers) = (source.path(), source.headers());
+    /// What the headers of the file at `path` say.
+    pub(super) fn of_headers(path: &Path, headers: &[exr::meta::header::Header]) -> Self {
         let parts = headers.iter().map(|header| part(header, headers.len() > 1)).collect();
         let samples_per_pixel = headers.iter().find_map(samples_per_pixel);
         let views = views(headers);
@@ -323,11 +313,11 @@ impl Header {
 }
 
 fn part(header: &exr::meta::header::Header, several: bool) -> Part {
-    let name = header.own_attributes.layer_name.as_ref().map(Text::to_string);
+    let name = header.own_attributes.layer_name.as_ref().map(text);
     let prefix = name.as_deref().filter(|name| several && !name.is_empty());
-    let view = header.own_attributes.view_name.as_ref().map(Text::to_string);
+    let view = header.own_attributes.view_name.as_ref().map(text);
     let channels = header.channels.list.iter().map(|channel| Channel {
-        name: full_name(prefix, view.as_deref(), &channel.name.to_string()),
+        name: full_name(prefix, view.as_deref(), &text(&channel.name)),
         kind: match channel.sample_type {
             SampleType::F16 => SampleKind::Half,
             SampleType::F32 => SampleKind::Float,
@@ -345,6 +335,11 @@ fn part(header: &exr::meta::header::Header, several: bool) -> Part {
         name,
         view,
     }
+}
+
+/// A text of the file, which says in no encoding what it is; in most it is UTF-8.
+fn text(text: &Text) -> String {
+    String::from_utf8_lossy(text.as_slice()).into_owned()
 }
 
 fn full_name(part: Option<&str>, view: Option<&str>, channel: &str) -> String {
@@ -376,7 +371,7 @@ fn views(headers: &[exr::meta::header::Header]) -> Vec<String> {
     for header in headers {
         let own = header.own_attributes.view_name.iter();
         let listed = header.own_attributes.multi_view_names.iter().flatten();
-        for view in own.chain(listed).map(Text::to_string) {
+        for view in own.chain(listed).map(text) {
             if !views.contains(&view) {
                 views.push(view);
             }

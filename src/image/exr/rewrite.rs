@@ -57,7 +57,7 @@ pub fn rewrite(
     attribute: (&str, &str),
 ) -> Result<Lost, ImageError> {
     let mut source = Source::open(source)?;
-    let header = Header::of(&source);
+    let header = source.listing();
     let mut places: Vec<Vec<Place>> = header.parts().iter().map(|_| Vec::new()).collect();
     for replacement in replacements {
         assert_eq!(replacement.samples.len(), replacement.window.pixels(), "one per pixel");

@@ -7,7 +7,7 @@
 
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use exr::block::chunk::{
@@ -17,14 +17,15 @@ use exr::block::{BlockIndex, UncompressedBlock};
 use exr::compression::Compression;
 use exr::error::Error;
 use exr::math::Vec2;
-use exr::meta::MetaData;
 use exr::meta::attribute::{IntegerBounds, SampleType, Text};
 use exr::meta::header::Header;
+use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{ChannelDescription, SmallVec};
+use flate2::write::ZlibEncoder;
 
 use super::dwa;
 use super::guard::guarded;
-use super::header::Part;
+use super::header::{Header as Listing, Part};
 use crate::image::ImageError;
 
 /// More pixels than this are refused before anything is allocated (16384²).
@@ -115,6 +116,11 @@ impl Source {
 
     pub(super) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The parts and channels.
+    pub(super) fn listing(&self) -> Listing {
+        Listing::of_headers(&self.path, &self.meta.headers)
     }
 
     /// The bytes before the tables of offsets, and where in them each header ends.
@@ -312,6 +318,11 @@ impl Source {
                     .compression
                     .compress_image_section_to_le(&header, block.data, bounds);
             }
+            if matches!(header.compression, Compression::ZIP1 | Compression::ZIP16)
+                && cfg!(target_endian = "little")
+            {
+                return Ok(zipped(block.data));
+            }
             let (position, size) = (block.index.pixel_position, block.index.pixel_size);
             let bounds = IntegerBounds::new(position.to_i32(), size);
             header.compression.compress_image_section_to_le(header, block.data, bounds)
@@ -365,6 +376,16 @@ impl Source {
     }
 }
 
+impl Listing {
+    /// Reads the listing of the file at `path`.
+    ///
+    /// # Errors
+    /// If the file cannot be opened or is no OpenEXR file.
+    pub fn read(path: &Path) -> Result<Self, ImageError> {
+        Ok(Source::open(path)?.listing())
+    }
+}
+
 impl RawChunk {
     /// Whether it is a piece of the image at its full resolution, and read at all.
     pub(super) fn is_full_resolution(&self) -> bool {
@@ -374,6 +395,27 @@ impl RawChunk {
             Coordinates::Deep => false,
         }
     }
+}
+
+/// Compresses as ZIP does. The crate's deflate takes four times as long, and a file is mostly
+/// channels that are compressed as they were.
+fn zipped(samples: Vec<u8>) -> Vec<u8> {
+    // The lower and the upper bytes of halves apart, and each as its difference from the one
+    // before.
+    let even = samples.iter().step_by(2);
+    let odd = samples.iter().skip(1).step_by(2);
+    let mut before = 128_u8;
+    let differences = even.chain(odd).enumerate().map(|(k, &byte)| {
+        let difference = byte.wrapping_sub(before).wrapping_add(128);
+        before = byte;
+        if k == 0 { byte } else { difference }
+    });
+    let differences: Vec<u8> = differences.collect();
+    let mut encoder = ZlibEncoder::new(Vec::new(), flate2::Compression::new(4));
+    encoder.write_all(&differences).expect("memory takes what is written to it");
+    let compressed = encoder.finish().expect("memory takes what is written to it");
+    // What does not become smaller stands as it is.
+    if compressed.len() < samples.len() { compressed } else { samples }
 }
 
 /// Decompresses lines of which not every channel has every sample. The crate expects that
@@ -416,6 +458,8 @@ fn surrogate(
     let channel = ChannelDescription::named("bytes", SampleType::F16);
     let size = Vec2(bytes / 2, 1);
     let mut header = Header::new(Text::from("bytes"), size, SmallVec::from_iter([channel]));
+    // New headers have tiles of 64 x 64.
+    header.blocks = BlockDescription::ScanLines;
     header.compression = compression;
     Ok((header, IntegerBounds::from_dimensions(size)))
 }

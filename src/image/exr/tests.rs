@@ -143,12 +143,14 @@ fn a_missing_channel_is_named_beside_those_that_are_there() {
     assert!(error.contains("B, G, R"), "{error}");
 }
 
-/// A file of two by two pixels with R at each, and B at one of four.
+/// Pixels per row of a subsampled file: more than a tile has.
+const LONG: usize = 200;
+
+/// A file of two rows with R at each pixel, and B at one of four.
 fn subsampled(compression: Compression) -> File {
     let lines = scan_lines(compression);
-    let sample = PartOf { encoding: lines, ..part((2, 2)) }.filled(&["B", "R"], value);
+    let sample = PartOf { encoding: lines, ..part((LONG, 2)) }.filled(&["B", "R"], value);
     let sample = file(vec![sample]);
-    let bytes = sample.bytes();
     let source = source::Source::open(&sample.path).expect("a sound file");
     let (head, _) = source.head();
     let mut head = head.to_vec();
@@ -158,10 +160,12 @@ fn subsampled(compression: Compression) -> File {
     for sampling in [at + 10, at + 14] {
         head[sampling] = 2;
     }
-    // One chunk per line, not compressed: B and R, then R alone.
-    let b = 9.0f32.to_le_bytes();
-    let r: Vec<[u8; 4]> = (0..4).map(|k| value(1, k).to_le_bytes()).collect();
-    let lines: [Vec<u8>; 2] = [[b, r[0], r[1]].concat(), [r[2], r[3]].concat()];
+    // One chunk per line, which is not compressed: B and R, then R alone.
+    let b = 9.0f32.to_le_bytes().repeat(LONG / 2);
+    let r = |row: usize| {
+        (0..LONG).flat_map(move |x| value(1, row * LONG + x).to_le_bytes()).collect::<Vec<u8>>()
+    };
+    let lines: [Vec<u8>; 2] = [[b, r(0)].concat(), r(1)];
     let mut offset = head.len() as u64 + 16;
     let (mut table, mut chunks) = (Vec::new(), Vec::new());
     for (y, line) in lines.iter().enumerate() {
@@ -171,7 +175,6 @@ fn subsampled(compression: Compression) -> File {
         chunks.extend(line);
         offset += 8 + line.len() as u64;
     }
-    assert!(bytes.len() > head.len());
     sample.replace(&[head, table, chunks].concat());
     sample
 }
@@ -181,20 +184,24 @@ fn a_subsampled_channel_is_kept_and_no_other_suffers_from_it() {
     for compression in [Compression::Uncompressed, Compression::ZIP1, Compression::RLE] {
         let sample = subsampled(compression);
         let pixels = read(&sample, &["R"]).expect("nobody wants B");
-        assert_eq!(pixels.channels["R"], (0..4).map(|k| value(1, k)).collect::<Vec<_>>());
+        let expected: Vec<f32> = (0..2 * LONG).map(|k| value(1, k)).collect();
+        assert_eq!(pixels.channels["R"], expected);
         let error = read(&sample, &["B"]).unwrap_err().to_string();
         assert!(error.contains("subsampled") && error.contains("\"B\""), "{error}");
 
         let copy = sample.folder.path().join("copy.exr");
-        let samples = [5.0, 6.0, 7.0, 8.0];
-        let window = Window::of_size((2, 2));
+        let samples: Vec<f32> = (0..2 * LONG).map(|k| 5.0 + (k % 7) as f32).collect();
+        let window = Window::of_size((LONG, 2));
         let new = [Replacement { channel: "R", window, samples: &samples }];
         rewrite(&sample.path, &copy, &new, ("tamis", "test")).expect("writable");
         let pixels = read_channels(&copy, &["R"], None, Unfinished::Refused).expect("sound");
         assert_eq!(pixels.channels["R"], samples);
-        let bytes = std::fs::read(&copy).expect("written");
-        let b = 9.0f32.to_le_bytes();
-        assert!(bytes.windows(4).any(|window| window == b), "{compression}: B is lost");
+        // B stands before R in its line, as it was.
+        let mut source = source::Source::open(&copy).expect("a sound file");
+        let chunk = source.chunk(0, 0).expect("readable").expect("it is there");
+        let block = source.unpack(&chunk, &source.listing().parts()[0]).expect("sound");
+        let b = 9.0f32.to_ne_bytes().repeat(LONG / 2);
+        assert_eq!(block.data[..b.len()], b, "{compression}: B is lost");
     }
 }
 
