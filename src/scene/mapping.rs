@@ -165,10 +165,13 @@ impl Mapping {
         if all.iter().any(|mapping| mapping.value(Feature::Color).is_some()) {
             all.retain(|mapping| mapping.value(Feature::Color).is_some());
         }
-        if let [only] = &mut all[..]
-            && selection.layer.is_none()
-        {
-            only.which.layer = None;
+        // The only layer of a view needs no name.
+        let views: Vec<Option<String>> = all.iter().map(|each| each.which.view.clone()).collect();
+        for mapping in &mut all {
+            let of_view = views.iter().filter(|view| **view == mapping.which.view).count();
+            if of_view == 1 && selection.layer.is_none() {
+                mapping.which.layer = None;
+            }
         }
         Ok(all)
     }

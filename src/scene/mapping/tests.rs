@@ -199,7 +199,7 @@ fn a_single_layer_of_any_name_is_the_colour_and_several_are_not() {
     let several = mapping(&[("mine", "RGB"), ("yours", "RGB")], None);
     let listing = Listing::of(Header::made(&["mine.R"], None));
     let error = several.color(&listing).unwrap_err().to_string();
-    assert!(error.contains("mine.R") && error.contains("R G B"), "{error}");
+    assert!(error.contains("layers mine") && error.contains("--map color=NAME"), "{error}");
     // What is known to be something else is not a colour.
     assert!(mapping(&[("Albedo", "RGB")], None).value(Color).is_none());
 }
