@@ -42,6 +42,9 @@ use tally::Tally;
 const EXAMPLES: &str = "\
 Examples:
   tamis denoise render.exr -o clean.exr
+  tamis denoise render.exr -o clean.exr --layers 'light_*'
+  tamis denoise render.exr -o clean.exr --map albedo=DiffuseFilter,normal=BumpNormals
+  tamis denoise hdr.pfm -o clean.pfm --albedo alb.pfm --normal nrm.pfm
   tamis denoise render.exr -o clean.png --filter kan2017
   tamis denoise frames/*.exr -o clean/ --backend gpu
   tamis denoise frames/*.exr -o preview/ --format png --timings
@@ -107,9 +110,6 @@ pub(super) struct Denoise {
     exposure: f32,
 
     #[command(flatten)]
-    sources: Sources,
-
-    #[command(flatten)]
     running: Running,
 
     /// Say what each step took
@@ -118,6 +118,10 @@ pub(super) struct Denoise {
 
     #[command(flatten)]
     sequence: Sequence,
+
+    // The last, as its heading would stand above what follows.
+    #[command(flatten)]
+    sources: Sources,
 }
 
 /// Reads a number of photographic stops.
