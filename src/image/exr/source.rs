@@ -47,7 +47,12 @@ pub(super) struct Source {
     ends: Vec<usize>,
     /// Per part, where each of its chunks begins; 0 if it is not in the file.
     tables: Vec<Vec<u64>>,
+    /// Per part, which piece each of its chunks is.
+    pieces: Vec<Vec<Key>>,
 }
+
+/// What a piece of a part is told by: its level and its place in it, columns first.
+type Key = (usize, usize, usize, usize);
 
 /// A chunk as it stands in the file.
 #[derive(Clone, Debug)]
@@ -104,8 +109,16 @@ impl Source {
             plausible(path, header, length)?;
             guarded(path, || sound(header))?;
         }
-        let mut source =
-            Self { path: path.to_owned(), file, length, meta, head, ends, tables: Vec::new() };
+        let mut source = Self {
+            path: path.to_owned(),
+            file,
+            length,
+            meta,
+            head,
+            ends,
+            tables: Vec::new(),
+            pieces: Vec::new(),
+        };
         source.read_tables()?;
         Ok(source)
     }
@@ -156,36 +169,42 @@ impl Source {
             is_whole &= table.iter().all(|offset| (begin..self.length).contains(offset));
             self.tables.push(table);
         }
+        let pieces = |header: &Header| {
+            header.blocks_increasing_y_order().map(|tile| key(tile.location)).collect()
+        };
+        self.pieces = guarded(&self.path, || Ok(self.meta.headers.iter().map(pieces).collect()))?;
         if !is_whole {
             self.rebuild_tables(begin)?;
         }
         Ok(())
     }
 
+    /// Which piece of its part a chunk says it is; nothing if it is of a kind that is not read.
+    fn piece(&self, chunk: &RawChunk) -> Option<Key> {
+        match chunk.coordinates {
+            Coordinates::Tile(tile) => Some(key(tile)),
+            Coordinates::Lines(y) => {
+                let header = &self.meta.headers[chunk.part];
+                let tile = || header.get_scan_line_block_tile_coordinates(y);
+                guarded(&self.path, tile).ok().map(key)
+            }
+            Coordinates::Deep => None,
+        }
+    }
+
     /// Walks from chunk to chunk as far as the file goes.
     fn rebuild_tables(&mut self, begin: u64) -> Result<(), ImageError> {
-        let places: Vec<HashMap<(usize, usize, usize, usize), usize>> = {
-            let place = |header: &Header| {
-                let blocks = header.blocks_increasing_y_order().enumerate();
-                blocks.map(|(k, tile)| (key(tile.location), k)).collect()
-            };
-            guarded(&self.path, || Ok(self.meta.headers.iter().map(place).collect()))?
-        };
+        let numbered =
+            |pieces: &Vec<Key>| pieces.iter().enumerate().map(|(k, &piece)| (piece, k)).collect();
+        let places: Vec<HashMap<Key, usize>> = self.pieces.iter().map(numbered).collect();
         for table in &mut self.tables {
             table.fill(0);
         }
         let mut at = begin;
         while let Ok(chunk) = self.read_chunk(at) {
-            let header = &self.meta.headers[chunk.part];
-            let location = match chunk.coordinates {
-                Coordinates::Tile(tile) => Some(tile),
-                Coordinates::Lines(y) => {
-                    guarded(&self.path, || header.get_scan_line_block_tile_coordinates(y)).ok()
-                }
-                // Where a deep chunk belongs, nobody asks: its part is not read.
-                Coordinates::Deep => None,
-            };
-            if let Some(&k) = location.and_then(|tile| places[chunk.part].get(&key(tile))) {
+            // Where a deep chunk belongs, nobody asks: its part is not read.
+            let piece = self.piece(&chunk);
+            if let Some(&k) = piece.and_then(|piece| places[chunk.part].get(&piece)) {
                 self.tables[chunk.part][k] = at;
             }
             at += chunk.bytes.len() as u64;
@@ -204,7 +223,12 @@ impl Source {
             return Ok(None);
         }
         match self.read_chunk(at) {
-            Ok(chunk) if chunk.part == part => Ok(Some(chunk)),
+            Ok(chunk) if chunk.part == part => {
+                // One that says it is another piece leaves a hole where it should have been.
+                let piece = self.piece(&chunk);
+                let is_it = piece.is_none_or(|piece| self.pieces[part].get(number) == Some(&piece));
+                Ok(is_it.then_some(chunk))
+            }
             Ok(_) => {
                 let detail = "a chunk belongs to another part than the offset table says";
                 Err(corrupt(&self.path, detail.to_owned()))
@@ -465,7 +489,7 @@ fn surrogate(
 }
 
 /// What a tile is looked up by.
-fn key(tile: TileCoordinates) -> (usize, usize, usize, usize) {
+fn key(tile: TileCoordinates) -> Key {
     (tile.level_index.0, tile.level_index.1, tile.tile_index.0, tile.tile_index.1)
 }
 

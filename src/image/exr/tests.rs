@@ -450,3 +450,20 @@ fn smaller_levels_are_made_anew() {
     assert_eq!(levels[2][..2], [1.5, 5.5]);
     assert_eq!(levels.last().expect("several"), &[9.5]);
 }
+
+#[test]
+fn a_chunk_that_says_it_is_another_leaves_a_hole_that_is_filled_on_the_way_out() {
+    let encoding = scan_lines(Compression::ZIP1);
+    let sample = file(vec![PartOf { encoding, ..part((6, 5)) }.filled(&RGB, value)]);
+    let source = source::Source::open(&sample.path).expect("a sound file");
+    let third = source.table(0)[2] as usize;
+    let mut bytes = sample.bytes();
+    bytes[third..third + 4].copy_from_slice(&1i32.to_le_bytes());
+    sample.replace(&bytes);
+    assert!(matches!(read(&sample, &RGB), Err(ImageError::Unfinished { missing: 1, .. })));
+    let copy = sample.folder.path().join("copy.exr");
+    rewrite(&sample.path, &copy, &[], ("tamis", "test")).expect("writable");
+    let pixels = read_channels(&copy, &RGB, None, Unfinished::Refused).expect("whole");
+    assert_eq!(pixels.channels["R"][12..18], [0.0; 6]);
+    assert_eq!(pixels.channels["R"][6..12], (6..12).map(|k| value(0, k)).collect::<Vec<_>>());
+}
