@@ -92,7 +92,7 @@ pub fn read_header(path: &Path) -> Result<Header, ImageError> {
 /// no place, lies where the window begins.
 ///
 /// # Errors
-/// Those of [`exr::decode_channels`].
+/// Those of [`exr::decode_channels`], and if the file is no whole picture of its format.
 pub fn decode_channels<S: AsRef<str>>(
     path: &Path,
     wanted: &[S],

@@ -86,29 +86,12 @@ pub struct Decoded {
 }
 
 /// Decodes the channels with the given full names, and no others, within a window; if none is
-/// given, the data window of the first. What they have outside of it is left out, and what
-/// they lack is zero.
+/// given, the data window of the first. They are given away line by line. What they have
+/// outside of the window is left out; what they lack is not given, and so is zero.
 ///
 /// # Errors
-/// If the file cannot be read, lacks one of them, or holds them in a form that is not read.
-///
-/// # Panics
-/// If `wanted` is empty.
-pub fn read_channels<S: AsRef<str>>(
-    path: &Path,
-    wanted: &[S],
-    window: Option<Window>,
-    unfinished: Unfinished,
-) -> Result<Pixels, ImageError> {
-    let mut memory = Memory::of(path);
-    let decoded = decode_channels(path, wanted, window, unfinished, &mut memory)?;
-    Ok(memory.pixels(decoded))
-}
-
-/// The same, given away line by line as it is decoded.
-///
-/// # Errors
-/// Those of [`read_channels`], and the sink's.
+/// If the file cannot be read, lacks one of them, or holds them in a form that is not read; and
+/// the sink's.
 ///
 /// # Panics
 /// If `wanted` is empty.

@@ -29,7 +29,7 @@ mod tests;
 mod write;
 
 pub(crate) use decode::Memory;
-pub use decode::{Decoded, Pixels, Sink, Unfinished, decode_channels, read_channels};
+pub use decode::{Decoded, Pixels, Sink, Unfinished, decode_channels};
 pub use header::{Attributes, Channel, Header, Part, SampleKind, Window};
 pub use rewrite::{Lost, Replacement, rewrite};
 pub use write::write_rgb;

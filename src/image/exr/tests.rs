@@ -8,6 +8,7 @@ use half::f16;
 
 use super::*;
 use crate::image::ImageError;
+use crate::image::files::read_channels;
 use crate::image::sample::{File, PartOf, file, part, scan_lines, tiles};
 
 const RGB: [&str; 3] = ["R", "G", "B"];
@@ -208,7 +209,7 @@ fn a_subsampled_channel_is_kept_and_no_other_suffers_from_it() {
 #[test]
 fn what_is_no_exr_file_says_so() {
     let sample = file(vec![part((2, 2)).filled(&RGB, value)]);
-    for bytes in [&b""[..], b"\x76\x2f", b"\x89PNG\r\n\x1a\n and so on"] {
+    for bytes in [&b""[..], b"\x76\x2f", b"\x89JPG\r\n\x1a\n and so on"] {
         sample.replace(bytes);
         let error = read(&sample, &RGB).unwrap_err().to_string();
         assert!(error.contains("sample.exr"), "{error}");
