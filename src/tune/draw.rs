@@ -26,6 +26,14 @@ const GUIDES: &[Feature] = &[Feature::WorldPosition, Feature::SecTexture, Featur
 const NORMAL_AND_ALBEDO: &[Feature] =
     &[Feature::WorldPosition, Feature::SecTexture, Feature::DirIllumination, Feature::Depth];
 
+/// What a picture with normals and depth lacks: a renderer's plain passes, albedo not ticked.
+const NORMAL_AND_DEPTH: &[Feature] = &[
+    Feature::WorldPosition,
+    Feature::SecTexture,
+    Feature::DirIllumination,
+    Feature::Texture,
+];
+
 /// What a picture alone lacks.
 const COLOR: &[Feature] = &[
     Feature::WorldPosition,
@@ -37,12 +45,13 @@ const COLOR: &[Feature] = &[
 ];
 
 /// What files lack: at first nothing. What denoisers are usually given follows, with and
-/// without depth, and a picture alone; and the same once more as most renderers write them,
-/// without variances.
-pub const LACKS: [Lack; 7] = [
+/// without depth, what has no albedo, and a picture alone; and the same once more as most
+/// renderers write them, without variances.
+pub const LACKS: [Lack; 9] = [
     Lack { name: "all features", features: &[], variances: true },
     Lack { name: "colour, albedo, normal and depth", features: GUIDES, variances: true },
     Lack { name: "colour, albedo and normal", features: NORMAL_AND_ALBEDO, variances: true },
+    Lack { name: "colour, normal and depth", features: NORMAL_AND_DEPTH, variances: true },
     Lack { name: "colour alone", features: COLOR, variances: true },
     Lack {
         name: "colour, albedo, normal and depth without variances",
@@ -52,6 +61,11 @@ pub const LACKS: [Lack; 7] = [
     Lack {
         name: "colour, albedo and normal without variances",
         features: NORMAL_AND_ALBEDO,
+        variances: false,
+    },
+    Lack {
+        name: "colour, normal and depth without variances",
+        features: NORMAL_AND_DEPTH,
         variances: false,
     },
     Lack { name: "colour alone without variances", features: COLOR, variances: false },
