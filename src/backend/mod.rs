@@ -25,7 +25,6 @@ pub mod shader;
 
 use std::any::Any;
 
-use crate::filter::Filter;
 use crate::plan::{Gradient, Plan, Precision};
 use crate::scene::{Fact, Facts, Scene};
 
@@ -150,16 +149,6 @@ pub enum BackendError {
     /// The scene's colours are laid out for the paper's filters.
     #[error("programs compute with linear colours, but the scene was loaded with compressed ones")]
     ColorScale,
-    /// A filter that the back end does not run.
-    #[error(
-        "{backend} runs filters of one gather of the colour, and this one has {stages} stages; `--backend jit` and `--backend interp` run it"
-    )]
-    Unsupported {
-        /// The back end.
-        backend: &'static str,
-        /// How many stages the filter has.
-        stages: usize,
-    },
     /// The plan is specialised to facts that do not hold of the scene.
     #[error(
         "the filter was compiled for scenes in which `{plane}` {assumed}, \
@@ -195,19 +184,10 @@ pub trait Backend: Send + Sync {
     /// How its results compare to the interpreter's.
     fn agreement(&self) -> Agreement;
 
-    /// Checks that it runs filters of this kind.
-    ///
-    /// # Errors
-    /// If it does not.
-    fn supports(&self, _filter: &Filter) -> Result<(), BackendError> {
-        Ok(())
-    }
-
     /// Makes a plan executable.
     ///
     /// # Errors
-    /// If that fails, or the plan is of a filter that it does not
-    /// [support](Self::supports).
+    /// If that fails.
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError>;
 }
 

@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::log::Log;
 use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
-use crate::filter::Filter;
 use crate::plan::Plan;
 use crate::scene::Scene;
 
@@ -60,11 +59,6 @@ impl Backend for Fallback {
         self.first.agreement()
     }
 
-    fn supports(&self, filter: &Filter) -> Result<(), BackendError> {
-        self.first.supports(filter).or_else(|_| self.behind.second.supports(filter))
-    }
-
-    /// A back end that does not support a filter has not failed: the next may be another.
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
         if self.behind.failed.load(Ordering::Relaxed) {
             return self.behind.second.compile(plan);
@@ -74,7 +68,6 @@ impl Backend for Fallback {
                 let (plan, behind) = (plan.clone(), self.behind.clone());
                 Ok(Box::new(GuardedCode { first, plan, behind }))
             }
-            Err(BackendError::Unsupported { .. }) => self.behind.second.compile(plan),
             Err(error) => {
                 self.behind.take_over(&error);
                 self.behind.second.compile(plan)

@@ -54,10 +54,7 @@ impl Denoiser<'_> {
         let mapping = target.mapping();
         // The windows of a program have radii of their own, and its colours are linear.
         let programs = options.radius.is_none() && options.load.color_scale == ColorScale::Linear;
-        let may = |filter: &Filter| match filter.paper() {
-            Some(_) => true,
-            None => programs && self.backend.supports(filter).is_ok(),
-        };
+        let may = |filter: &Filter| programs || filter.paper().is_some();
         let Choice { filter, best, lacking } =
             shipped::choose(may, |plane| mapping.provides(plane));
         let filter = match options.radius {

@@ -26,6 +26,7 @@ mod lift;
 mod lower;
 mod merge;
 mod passes;
+mod places;
 mod precision;
 mod schedule;
 mod support;
@@ -51,6 +52,7 @@ pub use kernel::{
 };
 pub use lower::Read;
 pub use passes::{PASSES, PassRow, Passes};
+pub use places::{Place, Places};
 pub use precision::Precision;
 pub use schedule::{Output, Program};
 pub use taps::{Run, Taps};

@@ -57,7 +57,7 @@ pub struct Program {
     /// Every plane that kernels write, with how it is stored.
     pub buffers: BTreeMap<StagePlane, Edges>,
     /// By kernel and what it [looks](Kernel::looks) at: the kernel that writes that.
-    writers: Vec<Vec<usize>>,
+    pub(super) writers: Vec<Vec<usize>>,
     /// The filtered colour.
     pub output: [Output; 3],
     /// The features' planes that kernels read.

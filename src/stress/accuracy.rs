@@ -4,8 +4,7 @@ use serde::Serialize;
 
 use super::guards::Guards;
 use super::trial::{Trial, filter_at};
-use super::{Engine, Kind, Peak, StressError};
-use crate::backend::BackendError;
+use super::{Engine, Kind, Peak};
 
 /// A scene, and how back ends did on it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,11 +32,6 @@ pub enum Accuracy {
     /// The greatest [difference](crate::backend::reference::oracle::Pixel::difference) of a pixel
     /// of which back ends promise anything.
     Measured(Peak),
-    /// It does not run filters of this kind.
-    Unsupported {
-        /// In its words.
-        unsupported: String,
-    },
     /// It could not run.
     Failed {
         /// Why.
@@ -60,9 +54,6 @@ impl SceneAccuracy {
                     let difference = |k: usize| (k, pixels[k].difference(filtered[k]));
                     Accuracy::Measured(Peak::of(trial.promised().map(difference), width))
                 }
-                Err(StressError::Run {
-                    source: error @ BackendError::Unsupported { .. }, ..
-                }) => Accuracy::Unsupported { unsupported: error.to_string() },
                 Err(error) => Accuracy::Failed { failure: error.to_string() },
             }
         });

@@ -59,7 +59,6 @@ fn accuracy(certificate: &Certificate) -> Vec<Charge> {
         worst(certificate.scenes.iter().filter_map(|scene| {
             let bound = engine.bound?;
             match &scene.accuracy[k] {
-                Accuracy::Unsupported { .. } => None,
                 Accuracy::Measured(peak) => Some((
                     inaccuracy(peak.value / bound, scene.kind),
                     peak.value,

@@ -9,10 +9,8 @@ use super::guards::Guards;
 use super::sensitivity::Noise;
 use super::trial::Trial;
 use super::*;
-use crate::backend::{Agreement, Executable};
 use crate::expr::{Feature, Quantity, codebook};
 use crate::filter::{Filter, Window};
-use crate::plan::Plan;
 
 fn single(weight: &str, radius: u32) -> Filter {
     let weight = weight.parse().unwrap_or_else(|error| panic!("{weight}: {error}"));
@@ -210,59 +208,22 @@ fn a_program_does_without_what_something_stands_in_for() {
     }
 }
 
-/// A back end for weights alone.
-struct Weights;
-
-impl Backend for Weights {
-    fn name(&self) -> &'static str {
-        "weights"
-    }
-
-    fn agreement(&self) -> Agreement {
-        Agreement::Bits
-    }
-
-    fn supports(&self, filter: &Filter) -> Result<(), BackendError> {
-        match filter.paper() {
-            Some(_) => Ok(()),
-            None => {
-                Err(BackendError::Unsupported { backend: self.name(), stages: filter.stages.len() })
-            }
-        }
-    }
-
-    fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
-        match plan {
-            Plan::Window(_) => Interpreter.compile(plan),
-            Plan::Program(program) => {
-                self.supports(&program.filter).and_then(|()| Interpreter.compile(plan))
-            }
-        }
-    }
-}
-
 #[test]
-fn an_engine_that_runs_no_programs_says_nothing_against_them() {
+fn programs_are_certified_like_single_weights() {
     let filter = program(
         "[[stage]]\nname = \"a\"\ngather = \"color\"\n\
          weight = \"exp(-distance2(normal, normal))\"\nradius = 1\n\
          [[stage]]\nname = \"b\"\nmap = \"a / 2 + color / 2\"\n",
     );
-    let engine = |name: &str, backend: &'static dyn Backend| Engine {
-        name: name.to_owned(),
-        backend: Ok(backend),
-        precision: Precision::Standard,
-    };
-    let engines = [engine("weights", &Weights), engine("interp", &Interpreter)];
+    let name = "interp".to_owned();
+    let engine = Engine { name, backend: Ok(&Interpreter), precision: Precision::Standard };
     let checked = filter.check().expect("it makes sense");
-    let certificate = certify(&checked, &[], &engines, 1).expect("the interpreter runs it");
+    let certificate = certify(&checked, &[], &[engine], 1).expect("the interpreter runs it");
     assert_eq!(certificate.verdict, Verdict::Stable, "{:?}", certificate.reasons);
     for scene in &certificate.scenes {
-        let [Accuracy::Unsupported { unsupported }, Accuracy::Measured(peak)] = &scene.accuracy[..]
-        else {
+        let [Accuracy::Measured(peak)] = &scene.accuracy[..] else {
             panic!("{:?}", scene.accuracy);
         };
-        assert!(unsupported.contains("weights runs filters of one gather"), "{unsupported}");
         assert!(peak.value < 1e-6, "{}: {peak:?}", scene.scene);
     }
     assert_eq!((certificate.stages, certificate.reach), (2, 1));

@@ -27,12 +27,8 @@ const NORMAL_AND_ALBEDO: &[Feature] =
     &[Feature::WorldPosition, Feature::SecTexture, Feature::DirIllumination, Feature::Depth];
 
 /// What a picture with normals and depth lacks: a renderer's plain passes, albedo not ticked.
-const NORMAL_AND_DEPTH: &[Feature] = &[
-    Feature::WorldPosition,
-    Feature::SecTexture,
-    Feature::DirIllumination,
-    Feature::Texture,
-];
+const NORMAL_AND_DEPTH: &[Feature] =
+    &[Feature::WorldPosition, Feature::SecTexture, Feature::DirIllumination, Feature::Texture];
 
 /// What a picture alone lacks.
 const COLOR: &[Feature] = &[

@@ -10,7 +10,10 @@ mod gpu;
 #[path = "../harness/mod.rs"]
 mod harness;
 mod pixels;
+mod programs;
 mod rows;
+#[path = "../fixture/programs.rs"]
+mod samples;
 mod suite;
 
 use std::process::ExitCode;
@@ -109,13 +112,15 @@ fn main() -> ExitCode {
             trials.push(trial(name, ignored, || (case.check)(&***opened)));
         }
     }
-    for &(name, check) in rows::CASES.iter().chain(gpu::CASES) {
+    for &(name, check) in rows::CASES.iter().chain(gpu::CASES).chain(programs::CASES) {
         trials.push(trial(name.to_owned(), absent, check));
     }
-    for &(name, check) in gpu::LONG.iter().chain(rows::LONG).chain(pixels::LONG) {
+    for &(name, check) in
+        gpu::LONG.iter().chain(programs::LONG).chain(rows::LONG).chain(pixels::LONG)
+    {
         trials.push(trial(name.to_owned(), true, check));
     }
-    for &(name, check) in gpu::WITHOUT_A_GPU {
+    for &(name, check) in gpu::WITHOUT_A_GPU.iter().chain(programs::WITHOUT_A_GPU) {
         trials.push(trial(name.to_owned(), false, check));
     }
     libtest_mimic::run(&arguments, trials).exit_code()

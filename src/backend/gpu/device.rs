@@ -122,8 +122,14 @@ impl Device {
         Ok(buffer)
     }
 
-    /// A compute pipeline whose entry point is `main`.
-    pub(super) fn pipeline(&self, text: &str) -> Result<wgpu::ComputePipeline, GpuError> {
+    /// A compute pipeline of a shader's function; its bindings are what the function uses
+    /// unless they are given.
+    pub(super) fn pipeline(
+        &self,
+        text: &str,
+        function: &str,
+        layout: Option<&wgpu::PipelineLayout>,
+    ) -> Result<wgpu::ComputePipeline, GpuError> {
         self.checked("the shader", 0, |device| {
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some("tamis"),
@@ -131,9 +137,9 @@ impl Device {
             });
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some("tamis"),
-                layout: None,
+                layout,
                 module: &module,
-                entry_point: Some("main"),
+                entry_point: Some(function),
                 compilation_options: wgpu::PipelineCompilationOptions {
                     // Nothing is read from workgroup memory before it is written.
                     zero_initialize_workgroup_memory: false,

@@ -53,7 +53,7 @@ pub(super) fn evaluate(
         results,
     };
     let text = kernel.render().expect("writing to a string cannot fail");
-    let pipeline = device.pipeline(&text)?;
+    let pipeline = device.pipeline(&text, "main", None)?;
     let count = inputs.first().map_or(0, |input| input.len());
     let mut all = vec![Vec::with_capacity(count); tape.results().len()];
     for start in (0..count).step_by(BATCH) {

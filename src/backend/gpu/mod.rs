@@ -1,9 +1,9 @@
 //! Plans on a GPU, through wgpu: Vulkan, Metal or Direct3D 12.
 //!
 //! ```text
-//!  Plan ──shader──▶ WGSL ──wgpu──▶ pipeline
+//!  Plan ──shader──▶ WGSL ──wgpu──▶ pipelines: one for a window, one per kernel of a program
 //!                                     │
-//!  Scene ──tiles──▶ pack ─upload─▶ dispatch, band by band ─read back─▶ Filtered
+//!  Scene ──tiles──▶ pack ─upload─▶ dispatches ─read back─▶ Filtered
 //! ```
 //!
 //! * **Memory.** An image is cut into tiles with halos, so that two tiles' buffers
@@ -11,8 +11,9 @@
 //!   give the bits of the whole.
 //! * **Overlap.** While the device works on a tile the next one is packed, of the
 //!   same frame or, where several threads run frames, of another.
-//! * **Watchdogs.** Drivers end dispatches that take seconds, so a tile is
-//!   dispatched in bands of rows, of about a tenth of a second on a small GPU.
+//! * **Watchdogs.** Drivers end dispatches that take seconds. So the tile of a window is
+//!   dispatched in bands of rows, and the kernels of a program in parts, of about a tenth of a
+//!   second on a small GPU.
 //! * **Pipelines** are kept by the text of their shader: frames whose plans differ
 //!   in facts that change nothing share one.
 //!
@@ -26,9 +27,12 @@ mod device;
 mod error;
 mod evaluate;
 mod pack;
+mod profile;
+mod program;
 mod run;
 mod slots;
 mod tiles;
+mod window;
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -37,15 +41,16 @@ use std::time::Duration;
 
 pub use adapter::{Adapter, Kind, adapters, choose};
 pub use error::GpuError;
+pub use profile::KernelTime;
 
 use super::cpu::dense_taps;
 use super::shader::wgsl::{Arithmetic, Dialect};
 use super::shader::{Loads, QUAD, Shader, Style};
 use super::{ACCURACY, Agreement, Backend, BackendError, Executable, FAST_ACCURACY};
 use crate::expr::tape::Tape;
-use crate::filter::Filter;
 use crate::plan::{Plan, Precision, WindowPlan};
 use device::Device;
+use program::ProgramLayout;
 use slots::Slots;
 
 /// How a GPU is opened.
@@ -90,7 +95,12 @@ struct Opened {
     max_memory: u64,
     style: Style,
     pipelines: Mutex<HashMap<String, wgpu::ComputePipeline>>,
+    /// The bindings of programs' kernels.
+    layout: ProgramLayout,
     slots: Slots,
+    /// What kernels of a program leave to later ones. Whoever gives the device a tile holds it
+    /// until all of the tile's commands are given.
+    planes: Mutex<Option<wgpu::Buffer>>,
     /// Nanoseconds that kernels took.
     busy: AtomicU64,
 }
@@ -117,13 +127,16 @@ impl Gpu {
             (Precision::Fast, _) => Arithmetic::WGSL,
         };
         let dialect = Dialect { precision: options.precision, arithmetic };
+        let layout = ProgramLayout::new(&device)?;
         Ok(Self(Arc::new(Opened {
             device,
             kind: adapter.kind(),
             max_memory: options.max_memory,
             style: Style { dialect, loads: options.loads, tap_table: options.tap_table },
             pipelines: Mutex::default(),
+            layout,
             slots: Slots::default(),
+            planes: Mutex::default(),
             busy: AtomicU64::new(0),
         })))
     }
@@ -148,10 +161,6 @@ impl Gpu {
     pub fn kernel_time(&self) -> Option<Duration> {
         let busy = || Duration::from_nanos(self.0.busy.load(Ordering::Relaxed));
         self.0.device.tick.map(|_| busy())
-    }
-
-    fn unsupported(&self, filter: &Filter) -> BackendError {
-        BackendError::Unsupported { backend: self.name(), stages: filter.stages.len() }
     }
 
     /// Gives the device back. What runs on it or is compiled for it from now on
@@ -182,17 +191,12 @@ impl Backend for Gpu {
         })
     }
 
-    fn supports(&self, filter: &Filter) -> Result<(), BackendError> {
-        match filter.paper() {
-            Some(_) => Ok(()),
-            None => Err(self.unsupported(filter)),
-        }
-    }
-
     fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
         let plan = match plan {
             Plan::Window(plan) => plan,
-            Plan::Program(program) => return Err(self.unsupported(&program.filter)),
+            Plan::Program(program) => {
+                return Ok(Box::new(program::ProgramCode::new(self.0.clone(), program)?));
+            }
         };
         let device = &self.0.device;
         let mut style = self.0.style;
@@ -203,11 +207,11 @@ impl Backend for Gpu {
             style.loads = Loads::Packed;
             shader = Shader::new(plan, style);
         }
-        let pipeline = self.0.pipeline(&shader.text)?;
+        let pipeline = self.0.pipeline(&shader.text, "main", false)?;
         let table = tap_table(plan, shader.tap_quads);
         let usage = wgpu::BufferUsages::STORAGE;
         let taps = device.filled("the table of offsets", bytemuck::cast_slice(&table), usage)?;
-        Ok(Box::new(run::ShaderCode {
+        Ok(Box::new(window::ShaderCode {
             gpu: self.0.clone(),
             plan: (**plan).clone(),
             loads: style.loads,
@@ -219,13 +223,20 @@ impl Backend for Gpu {
 }
 
 impl Opened {
-    fn pipeline(&self, text: &str) -> Result<wgpu::ComputePipeline, GpuError> {
-        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = pipelines.get(text) {
+    /// The pipeline of a shader's function; of a program's kernel, with their bindings.
+    fn pipeline(
+        &self,
+        text: &str,
+        function: &str,
+        of_program: bool,
+    ) -> Result<wgpu::ComputePipeline, GpuError> {
+        let known = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pipeline) = known().get(text) {
             return Ok(pipeline.clone());
         }
-        let pipeline = self.device.pipeline(text)?;
-        pipelines.insert(text.to_owned(), pipeline.clone());
+        let layout = of_program.then_some(&self.layout.pipeline);
+        let pipeline = self.device.pipeline(text, function, layout)?;
+        known().insert(text.to_owned(), pipeline.clone());
         Ok(pipeline)
     }
 }

@@ -38,6 +38,21 @@ impl Channel<'_> {
     }
 }
 
+/// What a program's kernels read of a scene.
+pub(super) struct Features<'a>(Vec<Channel<'a>>);
+
+impl<'a> Features<'a> {
+    pub(super) fn of(scene: &'a Scene, planes: &[PlaneId]) -> Result<Self, BackendError> {
+        let channels = planes.iter().map(|&plane| Channel::of(scene, plane));
+        Ok(Self(channels.collect::<Result<_, _>>()?))
+    }
+
+    /// Writes those of a region.
+    pub(super) fn write(&self, region: Rect, out: wgpu::WriteOnly<'_, [u8]>) {
+        planar(&self.0, region, out);
+    }
+}
+
 /// What a plan's kernel reads of a scene.
 pub(super) struct Inputs<'a> {
     loads: Loads,
@@ -60,19 +75,22 @@ impl<'a> Inputs<'a> {
 
     /// Writes a tile: `near` of its region, then `own` of its pixels.
     pub(super) fn write(&self, tile: &Tile, needs: Needs, out: wgpu::WriteOnly<'_, [u8]>) {
-        let (mut near, rest) = out.split_at(needs.near as usize);
+        let (near, rest) = out.split_at(needs.near as usize);
         let own = rest.into_slice((needs.own_start() - needs.near) as usize..);
         match self.loads {
             Loads::Packed | Loads::Tiled => interleave(&self.near, tile.region, near),
-            Loads::Planar => {
-                let plane = tile.region.pixels() * size_of::<f32>();
-                for channel in &self.near {
-                    let part = near.split_off(..plane).expect("a plane per channel");
-                    interleave_by(std::slice::from_ref(channel), 1, tile.region, part);
-                }
-            }
+            Loads::Planar => planar(&self.near, tile.region, near),
         }
         interleave(&self.own, tile.rect, own);
+    }
+}
+
+/// One channel after the other.
+fn planar(channels: &[Channel<'_>], rect: Rect, mut out: wgpu::WriteOnly<'_, [u8]>) {
+    let plane = rect.pixels() * size_of::<f32>();
+    for channel in channels {
+        let part = out.split_off(..plane).expect("a plane per channel");
+        interleave_by(std::slice::from_ref(channel), 1, rect, part);
     }
 }
 
@@ -121,5 +139,6 @@ pub(super) fn needs(shader: &Shader, loads: Loads, weights: usize, tile: &Tile) 
         near,
         own: rect * shader.own_quads() as u64 * quad,
         result: rect * weights as u64 * quad,
+        kept: 0,
     }
 }

@@ -17,9 +17,11 @@ pub(super) struct Needs {
     pub(super) near: u64,
     pub(super) own: u64,
     pub(super) result: u64,
+    /// What counts pixels that kept what was to be averaged.
+    pub(super) kept: u64,
 }
 
-/// Where `own` begins behind `near`, and two timestamps behind the result, in the
+/// Where `own` begins behind `near`, and counts and two timestamps behind the result, in the
 /// buffers that are copied from and to.
 const ALIGN: u64 = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
 pub(super) const TIMESTAMPS: u64 = 2 * size_of::<u64>() as u64;
@@ -35,9 +37,14 @@ impl Needs {
         self.own_start() + self.own
     }
 
-    /// Where the timestamps begin in the buffer for reading back.
-    pub(super) fn timestamps_start(&self) -> u64 {
+    /// Where the counts begin in the buffer for reading back.
+    pub(super) fn kept_start(&self) -> u64 {
         self.result.next_multiple_of(ALIGN)
+    }
+
+    /// Where the timestamps begin in it.
+    pub(super) fn timestamps_start(&self) -> u64 {
+        (self.kept_start() + self.kept).next_multiple_of(ALIGN)
     }
 
     /// The size of the buffer for reading back.
@@ -47,13 +54,14 @@ impl Needs {
 
     /// All of a slot's buffers.
     pub(super) fn total(&self) -> u64 {
-        self.upload() + self.near + self.own + self.result + self.back() + ALIGN
+        self.upload() + self.near + self.own + self.result + self.kept + self.back() + ALIGN
     }
 
     fn covers(&self, other: &Self) -> bool {
         self.near >= other.near
             && self.own >= other.own
             && self.result >= other.result
+            && self.kept >= other.kept
             && self.upload() >= other.upload()
             && self.back() >= other.back()
     }
@@ -67,13 +75,14 @@ pub(super) struct Slot {
     pub(super) near: wgpu::Buffer,
     pub(super) own: wgpu::Buffer,
     pub(super) result: wgpu::Buffer,
+    pub(super) kept: wgpu::Buffer,
     pub(super) back: wgpu::Buffer,
     /// Two timestamps, and where they are resolved, if the device has a clock.
     pub(super) clock: Option<(wgpu::QuerySet, wgpu::Buffer)>,
 }
 
 impl Slot {
-    fn new(device: &Device, needs: Needs) -> Result<Self, GpuError> {
+    pub(super) fn new(device: &Device, needs: Needs) -> Result<Self, GpuError> {
         use wgpu::BufferUsages as Usage;
         let upload = device.buffer(
             "uploading a tile",
@@ -86,6 +95,8 @@ impl Slot {
         let own = device.buffer("a tile's planes", needs.own, inputs, false)?;
         let outputs = Usage::STORAGE | Usage::COPY_SRC;
         let result = device.buffer("a tile's result", needs.result, outputs, false)?;
+        let counts = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
+        let kept = device.buffer("a tile's counts", needs.kept, counts, false)?;
         let back = device.buffer(
             "reading a tile back",
             needs.back(),
@@ -106,7 +117,24 @@ impl Slot {
                 Some((queries, device.buffer("a clock", TIMESTAMPS, usage, false)?))
             }
         };
-        Ok(Self { holds: needs, upload, near, own, result, back, clock })
+        Ok(Self { holds: needs, upload, near, own, result, kept, back, clock })
+    }
+
+    /// Writes what is uploaded, and unmaps it.
+    pub(super) fn fill(
+        &self,
+        device: &Device,
+        needs: Needs,
+        write: impl FnOnce(wgpu::WriteOnly<'_, [u8]>),
+    ) -> Result<(), GpuError> {
+        {
+            let range = self.upload.slice(..needs.upload());
+            let view = range.get_mapped_range_mut();
+            let mut view = view.map_err(|error| device.lost(&error.to_string()))?;
+            write(view.slice(..));
+        }
+        self.upload.unmap();
+        Ok(())
     }
 }
 

@@ -18,10 +18,14 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    fn of(rect: Rect, layout: Layout, reach: usize) -> Self {
-        let (left, top) = (rect.x.saturating_sub(reach), rect.y.saturating_sub(reach));
-        let right = (rect.x + rect.width + reach).min(layout.width());
-        let bottom = (rect.y + rect.height + reach).min(layout.height());
+    /// The tile of a rectangle whose windows reach so far; its region begins at, and ends
+    /// before, a multiple of `step`, or ends with the image.
+    pub(super) fn of(rect: Rect, layout: Layout, reach: usize, step: usize) -> Self {
+        let start = |at: usize| at.saturating_sub(reach) / step * step;
+        let end = |at: usize, last: usize| (at + reach).next_multiple_of(step).min(last);
+        let (left, top) = (start(rect.x), start(rect.y));
+        let right = end(rect.x + rect.width, layout.width());
+        let bottom = end(rect.y + rect.height, layout.height());
         let region = Rect { x: left, y: top, width: right - left, height: bottom - top };
         Self { rect, region }
     }
@@ -32,8 +36,7 @@ impl Tile {
 /// that.
 pub(super) fn tiles(
     rect: Rect,
-    layout: Layout,
-    reach: usize,
+    tile: impl Fn(Rect) -> Tile,
     fits: &impl Fn(&Tile) -> bool,
 ) -> Result<Vec<Tile>, Tile> {
     let mut tiles = Vec::new();
@@ -42,7 +45,7 @@ pub(super) fn tiles(
         if rect.pixels() == 0 {
             continue;
         }
-        let tile = Tile::of(rect, layout, reach);
+        let tile = tile(rect);
         if fits(&tile) {
             tiles.push(tile);
         } else if rect.pixels() == 1 {
@@ -76,9 +79,10 @@ mod tests {
         let (width, height, reach) = (101, 67, 5);
         let layout = Layout::new(width, height, reach);
         let whole = Rect { x: 0, y: 0, width, height };
+        let tile = |rect| Tile::of(rect, layout, reach, 1);
         for limit in [200, 1000, 5000, 100_000] {
             let fits = |tile: &Tile| tile.region.pixels() <= limit;
-            let tiles = tiles(whole, layout, reach, &fits).expect("a window has 121 pixels");
+            let tiles = tiles(whole, tile, &fits).expect("a window has 121 pixels");
             let mut covered = vec![0; width * height];
             for Tile { rect, region } in tiles {
                 assert!(region.pixels() <= limit);
@@ -94,7 +98,7 @@ mod tests {
             }
             assert!(covered.iter().all(|&times| times == 1), "at most {limit} pixels");
         }
-        let tile = tiles(whole, layout, reach, &|_| false).expect_err("nothing fits");
+        let tile = tiles(whole, tile, &|_| false).expect_err("nothing fits");
         assert_eq!((tile.rect.pixels(), tile.region.pixels()), (1, 36));
     }
 }

@@ -1,6 +1,7 @@
-//! Plans as compute shaders: tapes in a kernel that does Equation 1.
+//! Plans as compute shaders: the weights of one window in a kernel that does Equation 1, and
+//! programs as several kernels ([`program`]).
 //!
-//! A kernel reads what stands at pixel j from one storage buffer, `near`: the
+//! The kernel of a window reads what stands at pixel j from one storage buffer, `near`: the
 //! colour and the planes that the pair tape reads there, and nothing else. What
 //! is read at pixel i alone stands in `own`, what depends on the offset alone in
 //! `taps`. With the uniforms and the result that makes five bindings whatever
@@ -9,6 +10,7 @@
 //! What depends on pixel i alone is computed once per invocation, before its
 //! loop over the window.
 
+pub mod program;
 pub mod wgsl;
 
 use std::collections::BTreeSet;

@@ -53,7 +53,6 @@ fn accuracy(certificate: &Certificate) -> String {
     for scene in &certificate.scenes {
         let accuracy = scene.accuracy.iter().map(|accuracy| match accuracy {
             Accuracy::Measured(peak) => figure(peak.value),
-            Accuracy::Unsupported { .. } => "not supported".to_owned(),
             Accuracy::Failed { .. } => dash(),
         });
         let counts: [fn(&Guards) -> usize; 3] = [|g| g.vanished, |g| g.cancelled, |g| g.overflowed];
