@@ -218,19 +218,20 @@ impl<'a> Denoiser<'a> {
         let mut layers = Vec::new();
         let (image, mut applied, notes) = match pixels {
             Pixels::InMemory(scene) => {
+                let missing = scene.missing().to_vec();
                 let scene = if self.options.filters_alpha { scene.without_alpha() } else { *scene };
                 let (image, applied) = apply(filter, &scene, self.backend, passes, strength)?;
                 let notes = scene.notes().to_vec();
                 if let Some(carrying) = &carrying {
                     layers = self.filter_layers(&target, carrying, scene)?;
                 }
-                (image, applied, notes)
+                (image.blackened(&missing), applied, notes)
             }
             Pixels::Spilled(scene) => {
                 let max_memory = self.options.max_memory.unwrap_or(u64::MAX);
                 let how = (passes, strength);
                 let (image, applied) = parts::apply(filter, &scene, self.backend, how, max_memory)?;
-                (image, applied, scene.notes().to_vec())
+                (image.blackened(scene.missing()), applied, scene.notes().to_vec())
             }
         };
         for (_, took) in &layers {
@@ -279,7 +280,8 @@ impl Denoiser<'_> {
                 let rgb = [alpha.clone(), alpha.clone(), alpha];
                 layer = Image::new(layer.name(), width, height, rgb).expect("the same size");
             }
-            filtered.push((layer.with_channels(channels.clone()), applied));
+            let layer = layer.with_channels(channels.clone());
+            filtered.push((layer.blackened(scene.missing_of_layer(k)), applied));
         }
         Ok(filtered)
     }

@@ -124,7 +124,8 @@ pub fn decode_channels<S: AsRef<str>>(
         decoded.push(name.to_owned());
     }
     let (width, height) = window.size;
-    Ok(Decoded { width, height, names: decoded, attributes: None, missing_rows: 0 })
+    let missing = vec![Vec::new(); decoded.len()];
+    Ok(Decoded { width, height, names: decoded, attributes: None, missing, missing_rows: 0 })
 }
 
 /// Decodes channels into memory.

@@ -90,6 +90,22 @@ impl Image {
         self
     }
 
+    /// The same image, black in some rectangles, which are counted from its corner.
+    ///
+    /// # Panics
+    /// If one does not lie in the image.
+    #[must_use]
+    pub fn blackened(mut self, windows: &[Window]) -> Self {
+        for window in windows {
+            let (x, y) = (window.origin.0 as usize, window.origin.1 as usize);
+            for channel in &mut self.rgb {
+                let rows = channel.chunks_exact_mut(self.size.0).skip(y).take(window.size.1);
+                rows.for_each(|row| row[x..x + window.size.0].fill(0.0));
+            }
+        }
+        self
+    }
+
     /// How much of each pixel is covered, if anybody knows.
     pub fn alpha(&self) -> Option<&[f32]> {
         self.alpha.as_deref()

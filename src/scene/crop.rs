@@ -105,7 +105,7 @@ impl Scene {
             facts,
             normalization: self.normalization,
             notes: Vec::new(),
-            origin: self.origin.clone(),
+            origin: self.origin.of_part(),
         }
     }
 }

@@ -23,6 +23,7 @@ pub mod derive;
 mod error;
 pub mod facts;
 mod folder;
+mod gap;
 pub mod inspect;
 pub mod listing;
 pub mod mapping;
@@ -62,7 +63,7 @@ pub use target::{LayerChannels, Target};
 
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
-use crate::image::exr::Unfinished;
+use crate::image::exr::{Unfinished, Window};
 use crate::image::{Attributes, Image};
 use plane::Edge;
 use raw::Origin;
@@ -228,6 +229,19 @@ impl Scene {
     /// The scales that the planes were divided by.
     pub fn normalization(&self) -> &Normalization {
         &self.normalization
+    }
+
+    /// Where the file lacks the colour, as a render that was not finished does: rectangles
+    /// of pixels, counted from the image's corner. There the colour, and every feature that
+    /// is not there, is that of pixels near by, so that weights around see no edge.
+    pub fn missing(&self) -> &[Window] {
+        self.origin.missing.first().map_or(&[], Vec::as_slice)
+    }
+
+    /// Where the file lacks a layer that the scene was loaded with, as
+    /// [`missing`](Self::missing) has it of the colour.
+    pub fn missing_of_layer(&self, layer: usize) -> &[Window] {
+        self.origin.missing.get(1 + layer).map_or(&[], Vec::as_slice)
     }
 
     /// What was done on the way in.

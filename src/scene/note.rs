@@ -73,10 +73,14 @@ pub enum Note {
         /// Pixels of the colour that are not in it.
         count: usize,
     },
-    /// The render was not finished: what is missing counts as 0.
+    /// The render was not finished: pixels that are missing count as those near by.
     Unfinished {
-        /// Rows in which a pixel is missing, of all parts that were read.
+        /// Rows in which a pixel of something that is read is missing.
         rows: usize,
+        /// Of how many rows.
+        of: usize,
+        /// Rows in which the colour of a pixel is missing: the result is black there.
+        black: usize,
     },
     /// Normals were stored as colours, between 0 and 1.
     EncodedNormals,
@@ -158,8 +162,13 @@ impl fmt::Display for Note {
                 "{}: its data window is {window}; {count} pixel(s) outside of it count as 0",
                 feature.row().title
             ),
-            Self::Unfinished { rows } => {
-                write!(f, "the render was not finished: {rows} row(s) are missing, and count as 0")
+            Self::Unfinished { rows, of, black } => {
+                write!(f, "the render was not finished: {rows} of {of} row(s) are missing")?;
+                match black {
+                    0 => f.write_str(" in features; they are taken from rows near by"),
+                    _ if black == rows => f.write_str("; they stay black"),
+                    _ => write!(f, "; {black} of them lack the colour and stay black"),
+                }
             }
             Self::EncodedNormals => {
                 f.write_str("normals: between 0 and 1 in the file, brought to -1 to 1")

@@ -5,17 +5,18 @@
 //! The raw form is for those who make or change scenes: tests, and checks of
 //! how a filter takes another exposure, another origin or a flipped image.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
+use super::gap::Gaps;
 use super::mapping::{Fed, Mapping, Source, looked_for};
 use super::needs::Needs;
 use super::note::Note;
-use super::target::{LayerChannels, Read, Target};
+use super::target::{LayerChannels, Read, Target, channels};
 use super::{LoadOptions, SceneError};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::image::Attributes;
-use crate::image::exr::Memory;
+use crate::image::exr::{Memory, Window};
 use crate::image::metric::linear;
 
 /// Features in the renderer's units, row by row without padding.
@@ -45,6 +46,9 @@ pub struct RawScene {
 pub(super) struct Origin {
     pub(super) target: Option<Target>,
     pub(super) attributes: Option<Attributes>,
+    /// Where the file lacks the colour, and then each layer that is filtered by its weights,
+    /// counted from the image's corner.
+    pub(super) missing: Vec<Vec<Window>>,
 }
 
 impl RawScene {
@@ -99,21 +103,43 @@ impl RawScene {
         }
         let mut memory = Memory::of(target.path());
         let read = target.decode(&sources, &others, options.unfinished, &mut memory)?;
-        let mut planes = memory.into_planes().into_iter();
+        let mut planes = memory.into_planes();
+        let mut gaps = Gaps::new(read.window.size);
+        // The alpha says what is covered, and nothing is where there is no pixel.
+        let alpha_at = target.alpha().map(|_| channels(&sources).count());
+        for (k, (plane, missing)) in planes.iter_mut().zip(&read.missing).enumerate() {
+            if Some(k) != alpha_at {
+                gaps.fill(plane, missing);
+            }
+        }
+        let alpha_gap = alpha_at.map(|k| &read.missing[k]);
+        let mut planes = planes.into_iter();
         let mut features: BTreeMap<(Feature, Quantity), Vec<Vec<f32>>> = BTreeMap::new();
         for (key, source) in &sources {
             let components = planes.by_ref().take(source.channels.len());
             features.insert(*key, components.collect());
         }
         let alpha = target.alpha().and_then(|_| planes.next());
+        let first_other = read.missing.len() - others.len();
+        let mut missing = vec![read.missing[0].clone()];
+        missing.extend(layers.iter().map(|layer| {
+            let at = others.iter().position(|channel| *channel == layer.channels[0]);
+            let gap = at.map(|k| &read.missing[first_other + k]).or(alpha_gap);
+            gap.expect("it was read").clone()
+        }));
         let others: BTreeMap<&String, Vec<f32>> = others.iter().zip(planes).collect();
-        let plane = |channel: &String| match others.get(channel) {
+        let mut plane = |channel: &String| match others.get(channel) {
             Some(plane) => plane.clone(),
-            None => alpha.clone().expect("what is no layer's own is the alpha"),
+            None => {
+                let mut plane = alpha.clone().expect("what is no layer's own is the alpha");
+                gaps.fill(&mut plane, alpha_gap.expect("it was read"));
+                plane
+            }
         };
         let layers = layers.iter();
-        let layers: Vec<_> =
-            layers.map(|layer| (layer.clone(), layer.channels.each_ref().map(plane))).collect();
+        let layers: Vec<_> = layers
+            .map(|layer| (layer.clone(), layer.channels.each_ref().map(&mut plane)))
+            .collect();
         for (key, source) in &sources {
             let mut components = features.remove(key).expect("it was just put there");
             let value = features.get(&(key.0, Quantity::Value)).map(Vec::as_slice);
@@ -129,7 +155,7 @@ impl RawScene {
             layers,
             samples: target.listing().header().samples_per_pixel(),
             notes: notes(target, &sources, needs, &read),
-            origin: Origin { attributes: read.attributes, target: Some(target.clone()) },
+            origin: Origin::of(target, read, missing),
         })
     }
 }
@@ -210,13 +236,29 @@ pub(super) fn notes(target: &Target, sources: &[Fed], needs: &Needs, read: &Read
             }
         }
     }
-    if read.missing_rows > 0 {
-        notes.push(Note::Unfinished { rows: read.missing_rows });
+    let rows = |missing: &mut dyn Iterator<Item = &Window>| {
+        let rows = missing.flat_map(|gap| gap.origin.1..gap.origin.1 + gap.size.1 as i32);
+        rows.collect::<HashSet<i32>>().len()
+    };
+    let missing = rows(&mut read.missing.iter().flatten());
+    if missing > 0 {
+        let black = rows(&mut read.missing[0].iter());
+        notes.push(Note::Unfinished { rows: missing, of: read.window.size.1, black });
     }
     notes
 }
 
 impl Origin {
+    /// That of a target, with what was read of it.
+    pub(super) fn of(target: &Target, read: Read, missing: Vec<Vec<Window>>) -> Self {
+        Self { target: Some(target.clone()), attributes: read.attributes, missing }
+    }
+
+    /// That of a part of the scene, of which nothing is missing.
+    pub(super) fn of_part(&self) -> Self {
+        Self { missing: Vec::new(), ..self.clone() }
+    }
+
     /// The full name of the channel that a component came from, or the name it
     /// would have in a file of ours.
     pub(super) fn channel(&self, feature: Feature, quantity: Quantity, component: usize) -> String {

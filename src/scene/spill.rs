@@ -12,6 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::facts::{Fact, Facts};
+use super::gap::Gaps;
 use super::mend::{Findings, Mender};
 use super::normalize::Normalization;
 use super::note::Note;
@@ -22,7 +23,7 @@ use super::scratch::Scratch;
 use super::target::{Target, channels};
 use super::{LoadOptions, Needs, Scene, SceneError};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
-use crate::image::exr::Sink;
+use crate::image::exr::{Sink, Window};
 use crate::image::{Attributes, ImageError};
 
 /// A scene in a scratch file.
@@ -92,6 +93,7 @@ impl SpilledScene {
         let mut spill = Spill { scratch: None };
         let read = target.decode(&sources, &[], options.unfinished, &mut spill)?;
         let (width, height) = read.window.size;
+        let mut gaps = Gaps::new(read.window.size);
         let mut next = 0;
         let quantities = sources.iter().map(|(key, source)| {
             let begin = next;
@@ -105,12 +107,16 @@ impl SpilledScene {
         };
         let mut notes = notes(target, &sources, needs, &read);
         let samples = options.samples.or(target.listing().header().samples_per_pixel());
-        let origin = Origin { attributes: read.attributes, target: Some(target.clone()) };
+        let missing = read.missing.clone();
+        let origin = Origin::of(target, read, vec![missing[0].clone()]);
 
         let mender = Mender { name: &name, origin: &origin, width, repair: options.repair };
         let mut findings = Vec::with_capacity(sources.len());
         for (key, source) in &sources {
             let mut components = raw.read(*key)?;
+            for (samples, &place) in components.iter_mut().zip(&raw.places[key]) {
+                gaps.fill(samples, &missing[place]);
+            }
             let value = (key.0, Quantity::Value);
             let value = match source.is_moment {
                 true => Some(raw.read(value)?),
@@ -212,7 +218,7 @@ impl SpilledScene {
             facts: self.facts.clone(),
             normalization: self.normalization,
             notes: Vec::new(),
-            origin: self.origin.clone(),
+            origin: self.origin.of_part(),
         })
     }
 
@@ -229,6 +235,11 @@ impl SpilledScene {
     /// What is known of its planes.
     pub fn facts(&self) -> &Facts {
         &self.facts
+    }
+
+    /// Where the file lacks the colour, as [`Scene::missing`] does.
+    pub fn missing(&self) -> &[Window] {
+        &self.origin.missing[0]
     }
 
     /// What was done on the way in.

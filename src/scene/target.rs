@@ -34,7 +34,8 @@ pub struct LayerChannels {
 pub(super) struct Read {
     pub(super) window: Window,
     pub(super) attributes: Option<Attributes>,
-    pub(super) missing_rows: usize,
+    /// Of each channel what its file lacks, counted from the window's corner.
+    pub(super) missing: Vec<Vec<Window>>,
 }
 
 impl Target {
@@ -201,7 +202,8 @@ impl Target {
         let others = others.iter().map(String::as_str);
         let wanted: Vec<&str> = channels(sources).chain(alpha.as_deref()).chain(others).collect();
         sink.begin(wanted.len(), window.size)?;
-        let mut read = Read { window, attributes: None, missing_rows: 0 };
+        let missing = vec![Vec::new(); wanted.len()];
+        let mut read = Read { window, attributes: None, missing };
         for file in 0..self.listing.files() {
             let mut slots = Vec::new();
             let mut names = Vec::new();
@@ -215,11 +217,13 @@ impl Target {
             if names.is_empty() {
                 continue;
             }
-            let mut sink = Slots { sink: &mut *sink, slots };
+            let mut sink = Slots { sink: &mut *sink, slots: &slots };
             let path = self.listing.file(file);
             let decoded =
                 files::decode_channels(path, &names, Some(window), unfinished, &mut sink)?;
-            read.missing_rows += decoded.missing_rows;
+            for (&slot, missing) in slots.iter().zip(decoded.missing) {
+                read.missing[slot] = missing;
+            }
             if file == 0 {
                 read.attributes = decoded.attributes;
             }
@@ -236,7 +240,7 @@ pub(super) fn channels(sources: &[Fed]) -> impl Iterator<Item = &str> {
 /// The channels of one file among those of all.
 struct Slots<'a> {
     sink: &'a mut dyn Sink,
-    slots: Vec<usize>,
+    slots: &'a [usize],
 }
 
 impl Sink for Slots<'_> {

@@ -8,9 +8,10 @@
 //! Chunks are decompressed and converted on all threads of the global pool, a
 //! batch at a time, so that what is in flight stays small beside the result.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
+use exr::meta::TileIndices;
 use half::f16;
 use rayon::prelude::*;
 
@@ -33,7 +34,7 @@ pub enum Unfinished {
     /// They are refused.
     #[default]
     Refused,
-    /// What is missing is zero.
+    /// What is missing is zero, and [`Decoded::missing`] says where.
     Zero,
 }
 
@@ -81,6 +82,9 @@ pub struct Decoded {
     /// What the first wanted channel's part says beside its pixels; nothing in formats that
     /// have no such thing.
     pub attributes: Option<Attributes>,
+    /// Of each channel, in the order of `names`, the pixels of the window that its part should
+    /// hold and the file lacks: rectangles that do not overlap, counted from the window's corner.
+    pub missing: Vec<Vec<Window>>,
     /// Rows of parts that are read, in which a pixel is missing.
     pub missing_rows: usize,
 }
@@ -145,36 +149,56 @@ pub fn decode_channels<S: AsRef<str>>(
         }
     }
     let expected: usize = live.iter().map(|&part| header.parts()[part].window.pixels()).sum();
-    let missing_rows = if pixels == expected { 0 } else { missing_rows(&source, &live, &seen) };
+    let mut holes: HashMap<usize, Vec<Window>> = HashMap::new();
+    if pixels != expected {
+        holes.extend(live.iter().map(|&part| (part, unseen(&source, part, &seen))));
+    }
+    let rows = holes.iter().flat_map(|(&part, holes)| {
+        let rows = |hole: &Window| hole.origin.1..hole.origin.1 + hole.size.1 as i32;
+        holes.iter().flat_map(rows).map(move |y| (part, y))
+    });
+    let missing_rows = rows.collect::<HashSet<_>>().len();
     if missing_rows > 0 && unfinished == Unfinished::Refused {
         let rows = live.iter().map(|&part| header.parts()[part].window.size.1).sum();
         return Err(ImageError::Unfinished { path: path.to_owned(), missing: missing_rows, rows });
     }
-    let names = places.into_iter().map(|place| place.name).collect();
-    Ok(Decoded { width: window.size.0, height: window.size.1, names, attributes, missing_rows })
+    let missing = places.iter().map(|place| {
+        let home = header.parts()[place.part].window;
+        let holes = holes.get(&place.part).into_iter().flatten();
+        holes.filter_map(|hole| in_window(hole, &home, &window)).collect()
+    });
+    Ok(Decoded {
+        width: window.size.0,
+        height: window.size.1,
+        missing: missing.collect(),
+        names: places.into_iter().map(|place| place.name).collect(),
+        attributes,
+        missing_rows,
+    })
 }
 
-/// Rows in which a block of full resolution was not seen.
-fn missing_rows(
-    source: &Source,
-    live: &HashSet<usize>,
-    seen: &HashSet<(usize, usize, usize)>,
-) -> usize {
-    let mut rows = HashSet::new();
-    for &part in live {
-        let header = &source.headers()[part];
-        for tile in header.blocks_increasing_y_order() {
-            let level = tile.location.level_index;
-            let Ok(bounds) = header.get_absolute_block_pixel_coordinates(tile.location) else {
-                continue;
-            };
-            let (x, y) = (bounds.position.0 as usize, bounds.position.1 as usize);
-            if (level.0, level.1) == (0, 0) && !seen.contains(&(part, x, y)) {
-                rows.extend((y..y + bounds.size.1).map(|y| (part, y)));
-            }
-        }
-    }
-    rows.len()
+/// The blocks of full resolution of a part that were not seen, counted from its corner.
+fn unseen(source: &Source, part: usize, seen: &HashSet<(usize, usize, usize)>) -> Vec<Window> {
+    let header = &source.headers()[part];
+    let block = |tile: TileIndices| {
+        let level = tile.location.level_index;
+        let bounds = header.get_absolute_block_pixel_coordinates(tile.location).ok()?;
+        let (x, y) = (bounds.position.0, bounds.position.1);
+        let is_missing =
+            (level.0, level.1) == (0, 0) && !seen.contains(&(part, x as usize, y as usize));
+        is_missing.then_some(Window { origin: (x, y), size: (bounds.size.0, bounds.size.1) })
+    };
+    header.blocks_increasing_y_order().filter_map(block).collect()
+}
+
+/// What of a rectangle of a part lies in a window, counted from the window's corner.
+fn in_window(rect: &Window, home: &Window, window: &Window) -> Option<Window> {
+    let add = |a: (i32, i32), b: (i32, i32)| (a.0.saturating_add(b.0), a.1.saturating_add(b.1));
+    let placed = Window { origin: add(rect.origin, home.origin), size: rect.size };
+    let both = placed.overlap(window)?;
+    let from = |a: i32, b: i32| a.abs_diff(b) as i32;
+    let origin = (from(both.origin.0, window.origin.0), from(both.origin.1, window.origin.1));
+    Some(Window { origin, size: both.size })
 }
 
 /// Samples kept in memory.
@@ -196,7 +220,7 @@ impl<'a> Memory<'a> {
 
     /// What was decoded, with its samples.
     pub(in crate::image) fn pixels(self, decoded: Decoded) -> Pixels {
-        let Decoded { width, height, names, attributes, missing_rows } = decoded;
+        let Decoded { width, height, names, attributes, missing_rows, .. } = decoded;
         let channels = names.into_iter().zip(self.planes).collect();
         Pixels { width, height, channels, attributes, missing_rows }
     }
