@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::image::ImageError;
+use crate::image::exr::Window;
 
 /// Why a scene could not be read or used.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +43,26 @@ pub enum SceneError {
     FeedsNothing {
         /// The file.
         path: PathBuf,
+    },
+    /// A file beside the colour's is of another picture: its pixels are elsewhere, and no
+    /// common frame says where.
+    #[error(
+        "{path}: {feature} of {window} pixels do not fit the colour in {color}, which has \
+         {color_window}; give a file of the same size, or, for a part of the picture, an OpenEXR \
+         file that has the colour's display window",
+        path = path.display(), color = color.display()
+    )]
+    OtherSize {
+        /// The file.
+        path: PathBuf,
+        /// What is taken from it.
+        feature: &'static str,
+        /// Where its pixels are.
+        window: Window,
+        /// The colour's file.
+        color: PathBuf,
+        /// Where the colour's pixels are.
+        color_window: Window,
     },
     /// A filter reads a feature that the file does not hold.
     #[error(

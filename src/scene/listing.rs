@@ -133,6 +133,11 @@ impl Listing {
         self.headers[number].path()
     }
 
+    /// The display window of the file of that number.
+    pub(super) fn display(&self, number: usize) -> Window {
+        self.headers[number].display()
+    }
+
     /// Which file holds a channel, and what that calls it.
     pub(super) fn place(&self, full: &str) -> Option<(usize, &str)> {
         let entry = self.entries.iter().find(|entry| entry.full == full)?;

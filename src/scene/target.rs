@@ -57,7 +57,40 @@ impl Target {
             }
         }
         let target = |mapping| Self { listing: Arc::clone(&listing), mapping };
-        Ok(mappings.into_iter().map(target).collect())
+        let targets: Vec<Self> = mappings.into_iter().map(target).collect();
+        targets.iter().try_for_each(Self::check_sizes)?;
+        Ok(targets)
+    }
+
+    /// Refuses features in files of their own that are of another picture. A part of this one
+    /// is welcome, which a display window shows that is the same.
+    fn check_sizes(&self) -> Result<(), SceneError> {
+        let Ok(own) = self.window() else { return Ok(()) };
+        for (feature, _, source) in self.mapping.sources() {
+            let Some(channel) = source.channels.first() else { continue };
+            let (Some((file, _)), Some(window)) =
+                (self.listing.place(channel), self.listing.window(channel))
+            else {
+                continue;
+            };
+            let frame = self.listing.display(file);
+            let is_part = frame == self.listing.display(0) && window.overlap(&own).is_some();
+            // A picture of a format without windows lies where the colour does.
+            let fits = match self.listing.is_placed(channel) {
+                true => window == own || is_part,
+                false => window.size == own.size,
+            };
+            if file > 0 && !fits {
+                return Err(SceneError::OtherSize {
+                    path: self.listing.file(file).to_owned(),
+                    feature: feature.row().title,
+                    window,
+                    color: self.path().to_owned(),
+                    color_window: own,
+                });
+            }
+        }
+        Ok(())
     }
 
     /// The best picture of a file.

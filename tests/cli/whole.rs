@@ -606,3 +606,75 @@ fn what_is_missing_darkens_nothing() {
         }
     }
 }
+
+/// Writes the pixels of a window, which the whole picture's display window has or its own.
+fn write_part(
+    path: &Path,
+    channels: Vec<(String, FlatSamples)>,
+    (x, y): (usize, usize),
+    size: (usize, usize),
+    is_part: bool,
+) {
+    let part = channels.into_iter().map(|(name, samples)| {
+        let samples: Vec<f32> = samples.values_as_f32().collect();
+        let rows = samples.chunks(SIZE.0).skip(y).take(size.1);
+        let part: Vec<f32> = rows.flat_map(|row| &row[x..x + size.0]).copied().collect();
+        AnyChannel::new(&name[..], FlatSamples::F32(part))
+    });
+    let channels = AnyChannels::sort(part.collect());
+    let mut layer = Layer::new(size, Default::default(), Encoding::FAST_LOSSLESS, channels);
+    if is_part {
+        layer.attributes.layer_position = exr::math::Vec2(x as i32, y as i32);
+    }
+    let mut image = Image::from_layer(layer);
+    if is_part {
+        image.attributes.display_window.position = exr::math::Vec2(0, 0);
+        image.attributes.display_window.size = exr::math::Vec2(SIZE.0, SIZE.1);
+    }
+    image.write().to_file(path).expect("a writable folder");
+}
+
+#[test]
+fn a_feature_of_another_size_is_refused_and_a_part_of_the_picture_placed() {
+    let place = Place::new();
+    let made = Made::new(14);
+    let bare = |name: &str| (!name.contains('.')).then(|| name.to_owned());
+    let albedo = || made.named(|name| name.strip_prefix("Albedo.").map(str::to_owned));
+    write(&place.path("in.exr"), made.named(bare));
+    let denoise = ["denoise", "in.exr", "-o", "no.exr", "--albedo"];
+    write_part(&place.path("small.exr"), albedo(), (0, 0), (24, 16), false);
+    let channels = ["R", "G", "B"].map(|name| vec![made.channels[name][0]; 24 * 16]);
+    let bytes = tamis::image::pfm::write((24, 16), channels.each_ref().map(Vec::as_slice));
+    fs::write(place.path("small.pfm"), bytes).expect("writable");
+    for small in ["small.exr", "small.pfm"] {
+        let said = [small, "albedo", "24x16", "in.exr", "48x32", "same size"];
+        place.fails(1, &[&denoise[..], &[small]].concat(), &said);
+    }
+    assert!(!place.path("no.exr").exists());
+
+    write_part(&place.path("crop.exr"), albedo(), (8, 4), (30, 20), true);
+    let (_, cropped, report) = denoised(&place, &["--albedo", "crop.exr"]);
+    let remark = "albedo: its data window is 30x20 at (8, 4); 936 pixel(s) outside of it count";
+    assert!(report.contains(remark), "{report}");
+    write(&place.path("a.exr"), albedo());
+    let (_, whole, _) = denoised(&place, &["--albedo", "a.exr"]);
+    // Within the part, it is where it should be: as good as the whole albedo.
+    let inside = |samples: Vec<f32>| -> Vec<f32> {
+        let rows = samples.chunks(SIZE.0).skip(8).take(12);
+        rows.flat_map(|row| &row[12..34]).copied().collect()
+    };
+    let error = |image: &Whole| {
+        let rgb = ["R", "G", "B"].map(|name| inside(image.samples(0, name)));
+        let truth = made.truth.clone().map(inside);
+        error(rgb.each_ref().map(Vec::as_slice), truth.each_ref().map(Vec::as_slice))
+    };
+    assert!(error(&cropped) < 1.5 * error(&whole), "{} {}", error(&cropped), error(&whole));
+
+    // A part of the colour, with features of the whole picture.
+    write_part(&place.path("in.exr"), made.named(bare), (8, 4), (30, 20), true);
+    let (_, _, report) = denoised(&place, &["--albedo", "a.exr"]);
+    assert!(!report.contains("data window"), "all of it is covered: {report}");
+    // Beside it, it says nothing of it.
+    write_part(&place.path("beside.exr"), albedo(), (40, 26), (8, 6), true);
+    place.fails(1, &[&denoise[..], &["beside.exr"]].concat(), &["8x6 at (40, 26)", "30x20"]);
+}

@@ -16,6 +16,7 @@ pub struct Header {
     path: PathBuf,
     format: Format,
     is_encoded: bool,
+    display: Window,
     parts: Vec<Part>,
     views: Vec<String>,
     samples_per_pixel: Option<u32>,
@@ -207,10 +208,11 @@ impl Header {
             kind: SampleKind::Half,
             sampling: (1, 1),
         };
+        let display = Window::of_size((1, 1));
         let part = Part {
             name: None,
             view: None,
-            window: Window::of_size((1, 1)),
+            window: display,
             compression: "none".to_owned(),
             tiled: false,
             deep: false,
@@ -219,7 +221,8 @@ impl Header {
         let path = PathBuf::from("made.exr");
         let format = Format::Exr;
         let (views, is_encoded) = (Vec::new(), false);
-        Self { path, format, is_encoded, parts: vec![part], views, samples_per_pixel }
+        let parts = vec![part];
+        Self { path, format, is_encoded, display, parts, views, samples_per_pixel }
     }
 
     /// The listing of a file of another format: a single part.
@@ -235,10 +238,11 @@ impl Header {
             kind: SampleKind::Float,
             sampling: (1, 1),
         };
+        let display = Window::of_size(size);
         let part = Part {
             name: None,
             view: None,
-            window: Window::of_size(size),
+            window: display,
             compression: format.name().to_owned(),
             tiled: false,
             deep: false,
@@ -248,6 +252,7 @@ impl Header {
             path: path.to_owned(),
             format,
             is_encoded,
+            display,
             parts: vec![part],
             views: Vec::new(),
             samples_per_pixel: None,
@@ -260,7 +265,12 @@ impl Header {
         let samples_per_pixel = headers.iter().find_map(samples_per_pixel);
         let views = views(headers);
         let (path, format) = (path.to_owned(), Format::Exr);
-        Self { path, format, is_encoded: false, parts, views, samples_per_pixel }
+        let shown = headers.first().map(|header| header.shared_attributes.display_window);
+        let display = shown.map_or(Window::of_size((0, 0)), |shown| Window {
+            origin: (shown.position.0, shown.position.1),
+            size: (shown.size.0, shown.size.1),
+        });
+        Self { path, format, is_encoded: false, display, parts, views, samples_per_pixel }
     }
 
     /// Whose listing this is.
@@ -276,6 +286,12 @@ impl Header {
     /// Whether samples are those of a display: sRGB, from 0 to 1.
     pub fn is_encoded(&self) -> bool {
         self.is_encoded
+    }
+
+    /// The display window: the picture's frame, which data windows may fill in part or exceed.
+    /// Pictures of formats without one fill theirs.
+    pub fn display(&self) -> Window {
+        self.display
     }
 
     /// The parts, in the file's order.
