@@ -133,6 +133,31 @@ impl Listing {
         self.headers[number].path()
     }
 
+    /// What is beside the only channel that a feature of one number per pixel is taken from,
+    /// if that is one of a coloured image: its layer's other channels, the alpha left out.
+    pub(super) fn unused_beside(&self, full: &str) -> Vec<&str> {
+        let Some(entry) = self.entries.iter().find(|entry| entry.full == full) else {
+            return Vec::new();
+        };
+        fn parts(layer: &str) -> (&str, &str) {
+            layer.rsplit_once('.').unwrap_or(("", layer))
+        }
+        let (layer, component) = parts(&entry.layer);
+        // A layer's Z or V is what it is, whatever else is there.
+        let is_grey = matches!(component, "z" | "v" | "y" | "t");
+        let is_coloured = matches!(component, "r" | "red") || entry.said.is_some();
+        if is_grey || !is_coloured {
+            return Vec::new();
+        }
+        let others = self.entries.iter().filter(|other| {
+            let (others, name) = parts(&other.layer);
+            (other.file, other.view, others) == (entry.file, entry.view, layer)
+                && name != component
+                && !matches!(name, "a" | "alpha")
+        });
+        others.map(|other| other.name.as_str()).collect()
+    }
+
     /// The display window of the file of that number.
     pub(super) fn display(&self, number: usize) -> Window {
         self.headers[number].display()

@@ -253,10 +253,12 @@ impl Mapping {
                     })
                     .collect::<Option<Vec<_>>>()
             };
-            let wide: &[&[&str]] = &[&["r", "g", "b"], &["x", "y", "z"]];
-            let single: &[&[&str]] = &[&["z"], &["v"], &["y"], &["t"], &["r"]];
+            let wide: &[&[&str]] = &[&["r", "g", "b"], &["x", "y", "z"], &["red", "green", "blue"]];
+            let single: &[&[&str]] = &[&["z"], &["v"], &["y"], &["t"], &["r"], &["red"]];
             let ways = if feature.width() == 3 { wide } else { single };
             let found = ways.iter().find_map(|way| channel(way));
+            // Whatever a file for one number per pixel has, its first channel is that number.
+            let found = found.or_else(|| (feature.width() == 1).then(|| vec![&said[0]]));
             let channels: Vec<String> = match found {
                 Some(entries) => entries.iter().map(|entry| entry.full.clone()).collect(),
                 None if said.len() == feature.width() => {

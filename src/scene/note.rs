@@ -82,6 +82,16 @@ pub enum Note {
         /// Rows in which the colour of a pixel is missing: the result is black there.
         black: usize,
     },
+    /// A feature that is one number per pixel was taken from one channel of several: a grey
+    /// image that was stored as a coloured one.
+    OneOfSeveral {
+        /// Which feature.
+        feature: Feature,
+        /// The channel's full name.
+        channel: String,
+        /// The layer's other channels.
+        others: Vec<String>,
+    },
     /// Normals were stored as colours, between 0 and 1.
     EncodedNormals,
     /// Normals were longer than 1.
@@ -105,6 +115,7 @@ impl Note {
             | Self::EstimatedVariance(_)
             | Self::UnusableVariance { .. }
             | Self::FarDepth { .. }
+            | Self::OneOfSeveral { .. }
             | Self::EncodedNormals
             | Self::LongNormals { .. } => false,
         }
@@ -170,6 +181,12 @@ impl fmt::Display for Note {
                     _ => write!(f, "; {black} of them lack the colour and stay black"),
                 }
             }
+            Self::OneOfSeveral { feature, channel, others } => write!(
+                f,
+                "{}: one number per pixel, taken from {channel}; {} not used",
+                feature.row().title,
+                others.join(", ")
+            ),
             Self::EncodedNormals => {
                 f.write_str("normals: between 0 and 1 in the file, brought to -1 to 1")
             }

@@ -236,6 +236,16 @@ pub(super) fn notes(target: &Target, sources: &[Fed], needs: &Needs, read: &Read
             }
         }
     }
+    for ((feature, quantity), source) in sources {
+        let one = source.channels.first().filter(|_| feature.width() == 1);
+        let Some(channel) = one.filter(|_| *quantity == Quantity::Value) else { continue };
+        let others = target.listing().unused_beside(channel);
+        if !others.is_empty() {
+            let others = others.into_iter().map(str::to_owned).collect();
+            let (feature, channel) = (*feature, channel.clone());
+            notes.push(Note::OneOfSeveral { feature, channel, others });
+        }
+    }
     let rows = |missing: &mut dyn Iterator<Item = &Window>| {
         let rows = missing.flat_map(|gap| gap.origin.1..gap.origin.1 + gap.size.1 as i32);
         rows.collect::<HashSet<i32>>().len()

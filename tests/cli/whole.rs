@@ -678,3 +678,35 @@ fn a_feature_of_another_size_is_refused_and_a_part_of_the_picture_placed() {
     write_part(&place.path("beside.exr"), albedo(), (40, 26), (8, 6), true);
     place.fails(1, &[&denoise[..], &["beside.exr"]].concat(), &["8x6 at (40, 26)", "30x20"]);
 }
+
+#[test]
+fn a_depth_may_be_a_grey_image_in_colours() {
+    let place = Place::new();
+    let made = Made::new(15);
+    write(&place.path("in.exr"), made.all());
+    denoised(&place, &[]);
+    let expected = place.pixels("out.exr");
+    write(&place.path("in.exr"), made.named(|name| (name != "Depth.Z").then(|| name.to_owned())));
+    let depth = |names: &[&str]| {
+        let samples = || FlatSamples::F32(made.channels["Depth.Z"].clone());
+        let channels = names.iter().map(|&name| (name.to_owned(), samples()));
+        write(&place.path("z.exr"), channels.collect());
+    };
+    let remark = "depth: one number per pixel, taken from z.exr:";
+    for (names, said) in [
+        (&["R", "G", "B"][..], Some("R; B, G not used")),
+        (&["R", "G", "B", "A"], Some("R; B, G not used")),
+        (&["zone", "far"], Some("far; zone not used")),
+        (&["R"], None),
+        (&["distance"], None),
+        (&["Z", "R"], None),
+    ] {
+        depth(names);
+        let (_, _, report) = denoised(&place, &["--depth", "z.exr"]);
+        assert_eq!(place.pixels("out.exr"), expected, "{names:?}");
+        match said {
+            Some(said) => assert!(report.contains(&format!("{remark}{said}")), "{report}"),
+            None => assert!(!report.contains("one number"), "{report}"),
+        }
+    }
+}
