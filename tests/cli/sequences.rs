@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::place::{CLEAN, EDGE_AWARE, NOISY, Place, json, stderr, write_exr};
+use crate::place::{CLEAN, Channel, EDGE_AWARE, NOISY, Place, json, stderr, write_exr};
 
 /// `denoise` with a filter that reads the normals.
 fn denoise<'a>(inputs: &[&'a str], output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
@@ -215,4 +215,52 @@ fn bad_pixels_are_told_even_to_the_quiet() {
         assert!(report.starts_with("frames/shot.0002.exr: R: ") && report.contains(what));
         assert_eq!(report.lines().count(), 1, "{report}");
     }
+}
+
+/// Features of each frame in a file of its own, in the frames' folder or in another.
+#[test]
+fn frames_of_a_folder_have_their_features_beside_them() {
+    let place = shot(&[1, 2]);
+    place.done(&denoise(&["frames"], "expected/", &[]));
+    let named = |begin: &str, channels: &[Channel]| -> Vec<Channel> {
+        channels.iter().filter(|(name, _)| name.starts_with(begin)).copied().collect()
+    };
+    fs::create_dir(place.path("n")).expect("writable");
+    for k in 1..=2 {
+        let mut channels = NOISY;
+        channels[k % 3].1 = CLEAN[k % 3].1;
+        let colour: Vec<Channel> =
+            channels.iter().filter(|(name, _)| !name.contains('.')).copied().collect();
+        write_exr(&place.path(&format!("frames/shot.{k:04}.exr")), &colour);
+        let normal = named("Normal", &channels);
+        write_exr(&place.path(&format!("frames/normal.{k:04}.exr")), &normal);
+        write_exr(&place.path(&format!("n/{k:04}.exr")), &normal);
+        write_exr(&place.path(&format!("frames/albedo.{k:02}.exr")), &named("Albedo", &channels));
+    }
+    let beside = |normal| ["--normal", normal, "--albedo", "frames/albedo.##.exr"];
+    for (input, normal, clean) in [
+        ("frames", "frames/normal.####.exr", "a/"),
+        ("frames/*.exr", "frames/normal.%04d.exr", "b/"),
+    ] {
+        place.done(&denoise(&[input], clean, &beside(normal)));
+        assert_eq!(names(&place, clean), ["shot.0001.exr", "shot.0002.exr"], "{input}");
+        for name in names(&place, clean) {
+            let expected = place.pixels(&format!("expected/{name}"));
+            assert_eq!(place.pixels(&format!("{clean}{name}")), expected, "{name}");
+        }
+    }
+    for k in 1..=2 {
+        fs::remove_file(place.path(&format!("frames/normal.{k:04}.exr"))).expect("writable");
+    }
+    place.done(&denoise(&["frames"], "c/", &beside("n/####.exr")));
+    assert_eq!(place.pixels("c/shot.0002.exr"), place.pixels("expected/shot.0002.exr"));
+
+    // What is not there is told before any work, as are frames without a number.
+    fs::remove_file(place.path("n/0002.exr")).expect("writable");
+    let run = denoise(&["frames"], "d/", &beside("n/####.exr"));
+    place.fails(1, &run, &["1 of 6", "n/0002.exr"]);
+    write_exr(&place.path("frames/last.exr"), &CLEAN);
+    place.fails(2, &run, &["frames/albedo.##.exr", "frames/last.exr", "number"]);
+    place.fails(1, &denoise(&["n"], "d/", &beside("n/####.exr")), &["n", "--normal"]);
+    assert!(!place.path("d").exists());
 }

@@ -149,25 +149,33 @@ impl Files {
         }))
     }
 
-    /// Checks that the input of every frame is there, but for those that are not `wanted`.
-    /// What is wrong with a single file its reader says best.
-    pub(super) fn find_the_inputs(&self, wanted: impl Fn(&Frame) -> bool) -> Result<(), Error> {
+    /// Checks that the input of every frame is there, and the files `beside` it, but for
+    /// frames that are not `wanted`. What is wrong with a single frame's its reader says best.
+    pub(super) fn find_the_inputs(
+        &self,
+        wanted: impl Fn(&Frame) -> bool,
+        beside: impl Fn(&Frame) -> Result<Vec<PathBuf>, Error>,
+    ) -> Result<(), Error> {
         if self.len() == 1 {
             return Ok(());
         }
-        let missing = self.frames.iter().filter(|frame| wanted(frame)).filter_map(|frame| {
-            let error = fs::metadata(&frame.input).err()?;
-            Some(format!("\n  {}: {error}", frame.input.display()))
+        // A file beside all frames counts once.
+        let mut needed: Vec<PathBuf> = Vec::new();
+        let mut known = HashSet::new();
+        for frame in self.frames.iter().filter(|frame| wanted(frame)) {
+            let files = std::iter::once(frame.input.clone()).chain(beside(frame)?);
+            needed.extend(files.filter(|file| known.insert(file.clone())));
+        }
+        let missing = needed.iter().filter_map(|file| {
+            let error = fs::metadata(file).err()?;
+            Some(format!("\n  {}: {error}", file.display()))
         });
         let missing: Vec<String> = missing.collect();
         if missing.is_empty() {
             return Ok(());
         }
-        Err(Error::MissingInputs {
-            missing: missing.len(),
-            of: self.len(),
-            listing: missing.concat(),
-        })
+        let (of, listing) = (needed.len(), missing.concat());
+        Err(Error::MissingInputs { missing: missing.len(), of, listing })
     }
 
     /// The frames of one share.

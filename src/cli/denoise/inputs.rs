@@ -32,11 +32,14 @@ impl Input {
 
 /// The frames that arguments stand for, in the arguments' order, and those of a pattern in
 /// order of number. `chosen` says which numbers to take; if one of them is not there, that
-/// is an error, or with `keep_going` an input whose file is missing.
+/// is an error, or with `keep_going` an input whose file is missing. Of the files that several
+/// arguments, a folder or a glob stand for, those are left out that are no frames: they hold
+/// features of others, and lie in one folder with them.
 pub(super) fn find(
     arguments: &[PathBuf],
     chosen: Option<&Numbers>,
     keep_going: bool,
+    is_frame: &dyn Fn(&Path) -> bool,
 ) -> Result<Vec<Input>, Error> {
     let mut inputs = Vec::with_capacity(arguments.len());
     // Files that are named one by one, by a shell perhaps, are one group to choose from.
@@ -51,14 +54,16 @@ pub(super) fn find(
             }
             inputs.push(Input { path: argument.clone(), number: None });
         } else if argument.is_dir() {
-            let found = folder(argument)?;
+            let found = folder(argument, is_frame)?;
             inputs.extend(choose(found, &name, chosen, keep_going)?);
         } else if let Some(pattern) = Pattern::of(argument).filter(|_| !argument.exists()) {
             let found = frames(&pattern, &name)?;
             inputs.extend(of_pattern(&pattern, &name, &found, chosen, keep_going)?);
         } else if let Some(text) = glob_of(argument).filter(|_| !argument.exists()) {
-            let found = matching(text)?;
+            let found = matching(text, is_frame)?;
             inputs.extend(choose(found, &name, chosen, keep_going)?);
+        } else if arguments.len() > 1 && !is_frame(argument) {
+            // A shell has expanded the glob.
         } else if chosen.is_some() {
             files.push(Input::of(argument.clone()));
         } else {
@@ -72,8 +77,16 @@ pub(super) fn find(
         let name = file.path.display().to_string();
         inputs.extend(choose(files, &name, chosen, keep_going)?);
     }
+    if inputs.is_empty() && !arguments.is_empty() {
+        let name = arguments[0].display().to_string();
+        return Err(Error::NothingFound { name, reason: ONLY_FEATURES.to_owned() });
+    }
     Ok(inputs)
 }
+
+/// Why there is no frame, where there are files.
+const ONLY_FEATURES: &str =
+    "every file is one of those that --albedo, --normal, --depth and --aux name";
 
 /// Of files with numbers in their names those that are asked for.
 fn choose(
@@ -144,8 +157,9 @@ fn frames(pattern: &Pattern, name: &str) -> Result<Numbers, Error> {
     Ok(numbers)
 }
 
-/// Every EXR file directly in a folder, those left out that are hidden; one at least.
-fn folder(folder: &Path) -> Result<Vec<Input>, Error> {
+/// Every EXR file directly in a folder that is a frame, those left out that are hidden; one at
+/// least.
+fn folder(folder: &Path, is_frame: &dyn Fn(&Path) -> bool) -> Result<Vec<Input>, Error> {
     let is_image = |path: &PathBuf| {
         let hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes()[0] == b'.');
         let ending = path.extension().and_then(OsStr::to_str);
@@ -157,6 +171,11 @@ fn folder(folder: &Path) -> Result<Vec<Input>, Error> {
             name: folder.display().to_string(),
             reason: "no .exr file is directly in this folder".to_owned(),
         });
+    }
+    paths.retain(|path| is_frame(path));
+    if paths.is_empty() {
+        let name = folder.display().to_string();
+        return Err(Error::NothingFound { name, reason: ONLY_FEATURES.to_owned() });
     }
     paths.sort();
     Ok(paths.into_iter().map(Input::of).collect())
@@ -182,8 +201,8 @@ fn glob_of(argument: &Path) -> Option<&str> {
     argument.to_str().filter(|text| text.contains(['*', '?', '[']))
 }
 
-/// The files that a glob finds, in order of name; one at least.
-fn matching(text: &str) -> Result<Vec<Input>, Error> {
+/// The frames that a glob finds, in order of name; one at least.
+fn matching(text: &str, is_frame: &dyn Fn(&Path) -> bool) -> Result<Vec<Input>, Error> {
     let options = glob::MatchOptions {
         require_literal_separator: true,
         require_literal_leading_dot: true,
@@ -208,6 +227,11 @@ fn matching(text: &str) -> Result<Vec<Input>, Error> {
             name: text.to_owned(),
             reason: "no file has such a name".to_owned(),
         });
+    }
+    inputs.retain(|input| is_frame(&input.path));
+    if inputs.is_empty() {
+        let reason = ONLY_FEATURES.to_owned();
+        return Err(Error::NothingFound { name: text.to_owned(), reason });
     }
     Ok(inputs)
 }
@@ -237,7 +261,9 @@ mod tests {
     ) -> Result<Vec<String>, String> {
         let arguments: Vec<PathBuf> = arguments.iter().map(|a| folder.path().join(a)).collect();
         let chosen = frames.map(|text| text.parse().expect("frames"));
-        let found = find(&arguments, chosen.as_ref(), keep_going).map_err(|e| e.to_string())?;
+        let is_frame = |path: &Path| !path.to_string_lossy().contains("albedo");
+        let found = find(&arguments, chosen.as_ref(), keep_going, &is_frame);
+        let found = found.map_err(|error| error.to_string())?;
         let name = |input: &Input| input.path.file_name().expect("a name").to_owned();
         Ok(found.iter().map(|input| name(input).into_string().expect("UTF-8")).collect())
     }
@@ -280,6 +306,26 @@ mod tests {
             let found = names(&place, arguments, Some("3,7"), true).expect("some are missing");
             assert_eq!(found, ["s.0003.exr", "s.0007.exr"], "{arguments:?}");
         }
+    }
+
+    #[test]
+    fn files_with_features_are_no_frames() {
+        let place = folder_of(&["s.1.exr", "albedo.1.exr", "s.2.exr", "albedo.2.exr"]);
+        let named = ["albedo.1.exr", "s.1.exr", "s.2.exr"];
+        for arguments in [&[""][..], &["*.exr"], &named] {
+            let found = names(&place, arguments, None, false).expect("files");
+            assert_eq!(found, ["s.1.exr", "s.2.exr"], "{arguments:?}");
+        }
+        // What lacks its picture is no frame because its albedo is there.
+        fs::remove_file(place.path().join("s.2.exr")).expect("writable");
+        let error = names(&place, &[""], Some("1-2"), false).expect_err("one is missing");
+        assert!(error.contains("no frames 2"), "{error}");
+        for arguments in [&["albedo*.exr"][..], &["albedo.1.exr", "albedo.2.exr"]] {
+            let error = names(&place, arguments, None, false).expect_err("there is none");
+            assert!(error.contains("--albedo"), "{error}");
+        }
+        // Whoever names one file means it.
+        assert_eq!(names(&place, &["albedo.1.exr"], None, false).expect("it"), ["albedo.1.exr"]);
     }
 
     #[test]

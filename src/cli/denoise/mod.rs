@@ -16,7 +16,7 @@ mod streams;
 mod tally;
 mod timings;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
@@ -192,7 +192,7 @@ impl Denoise {
                     return Ok(None);
                 }
                 progress.step("loading");
-                job.load(streams.source(frame), &self.sources.aux(frame.number)?).map(Some)
+                job.load(streams.source(frame), &self.sources.aux(frame)?).map(Some)
             },
             |_, loaded| {
                 let Some(loaded) = loaded else { return Ok(None) };
@@ -275,11 +275,16 @@ impl Denoise {
                     .to_owned(),
             ));
         }
-        let inputs = inputs::find(&self.inputs, frames.as_ref(), *keep_going)?;
+        let is_frame = |path: &Path| !self.sources.is_beside(path);
+        let inputs = inputs::find(&self.inputs, frames.as_ref(), *keep_going, &is_frame)?;
         let mut files = Files::of(&inputs, &self.output, self.format)?;
         let several = files.len() > 1;
         if !keep_going {
-            files.find_the_inputs(|frame| !self.skips(frame))?;
+            let beside = |frame: &Frame| {
+                let aux = self.sources.aux(frame)?;
+                Ok(aux.into_iter().map(|aux| aux.path).collect())
+            };
+            files.find_the_inputs(|frame| !self.skips(frame), beside)?;
         }
         if let Some(shard) = *shard {
             files = files.share(shard);

@@ -1,9 +1,11 @@
 //! Which channels of which files feed a filter, where names do not tell.
 
-use std::path::PathBuf;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::files::Frame;
 use super::pattern::Pattern;
 use crate::cli::error::Error;
 use crate::expr::{Feature, Quantity};
@@ -63,8 +65,8 @@ impl Sources {
         }
     }
 
-    /// The files beside a frame's own: a pattern stands for that of the frame's number.
-    pub(super) fn aux(&self, frame: Option<u64>) -> Result<Vec<Aux>, Error> {
+    /// The files and patterns with features of their own, each with what it is said to hold.
+    fn beside(&self) -> impl Iterator<Item = (&PathBuf, Option<Feature>)> {
         let said = [
             (&self.albedo, Feature::Texture),
             (&self.normal, Feature::Normal),
@@ -72,21 +74,43 @@ impl Sources {
         ];
         let said =
             said.into_iter().filter_map(|(path, feature)| Some((path.as_ref()?, Some(feature))));
-        let other = self.aux.iter().map(|path| (path, None));
+        said.chain(self.aux.iter().map(|path| (path, None)))
+    }
+
+    /// Whether a file is one of those beside the frames' own, of whatever frame.
+    pub(super) fn is_beside(&self, path: &Path) -> bool {
+        let folder = |path: &Path| {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+            folder.unwrap_or(Path::new(".")).canonicalize().ok()
+        };
+        let name = path.file_name().and_then(OsStr::to_str);
+        self.beside().any(|(beside, _)| {
+            let is_named = match Pattern::of(beside).filter(|_| !beside.exists()) {
+                Some(pattern) => name.is_some_and(|name| pattern.number(name).is_some()),
+                None => path.file_name() == beside.file_name(),
+            };
+            is_named && folder(path).is_some_and(|own| Some(own) == folder(beside))
+        })
+    }
+
+    /// The files beside a frame's own: a pattern stands for that of the frame's number.
+    pub(super) fn aux(&self, frame: &Frame) -> Result<Vec<Aux>, Error> {
         let file = |(path, feature): (&PathBuf, Option<Feature>)| {
-            let path = match (Pattern::of(path).filter(|_| !path.exists()), frame) {
+            let path = match (Pattern::of(path).filter(|_| !path.exists()), frame.number) {
                 (None, _) => path.clone(),
-                (Some(pattern), Some(frame)) => pattern.path(frame),
+                (Some(pattern), Some(number)) => pattern.path(number),
                 (Some(_), None) => {
                     return Err(Error::Usage(format!(
-                        "{}: it has a place for the frame's number, and the input has no number",
-                        path.display()
+                        "{}: it has a place for the frame's number, and {} has no number; name \
+                         its file, or leave out that frame",
+                        path.display(),
+                        frame.input_name(),
                     )));
                 }
             };
             Ok(Aux { path, feature })
         };
-        said.chain(other).map(file).collect()
+        self.beside().map(file).collect()
     }
 }
 
