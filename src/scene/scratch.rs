@@ -22,6 +22,13 @@ impl Scratch {
         Ok(Self { file: Mutex::new(file), pixels })
     }
 
+    /// So many planes, zero where nothing is written.
+    pub(super) fn zeros(planes: usize, pixels: usize) -> Result<Self, ImageError> {
+        let file = tempfile::tempfile().map_err(failed)?;
+        file.set_len((planes * pixels * size_of::<f32>()) as u64).map_err(failed)?;
+        Ok(Self { file: Mutex::new(file), pixels })
+    }
+
     /// Writes samples of a plane, from this pixel on.
     pub(super) fn write(
         &self,

@@ -267,8 +267,9 @@ struct Spill {
 }
 
 impl Sink for Spill {
-    fn begin(&mut self, _channels: usize, size: (usize, usize)) -> Result<(), ImageError> {
-        self.scratch = Some(Scratch::new(size.0 * size.1)?);
+    fn begin(&mut self, channels: usize, size: (usize, usize)) -> Result<(), ImageError> {
+        // Not every file gives every sample.
+        self.scratch = Some(Scratch::zeros(channels, size.0 * size.1)?);
         Ok(())
     }
 
