@@ -23,9 +23,9 @@ Examples:
   tamis inspect --json render.exr
   tamis inspect --host
 
-FEEDS names the term of expressions that reads a channel. A variance that the
-file lacks is estimated from the image where a filter reads it; gradients are
-always derived.
+FEEDS names the term of expressions that reads a channel, which is also what
+`denoise --map` takes. A variance that the file lacks is estimated from the image
+where a filter reads it; gradients are always derived.
 
 Bad pixels are those that filters cannot use or should not trust. By default what
 is no number, or beyond ±1e18, is replaced by the median of the good samples
@@ -61,6 +61,11 @@ struct Findings {
     samples_per_pixel: Option<u32>,
     /// The views and layers that `denoise` filters, each with features of its own.
     pictures: Vec<String>,
+    /// The renderer, if names tell that it is no other.
+    renderer: Option<&'static str>,
+    /// What that calls the settings that write albedo, normals and depth; only if one of
+    /// them is absent.
+    switch_on: Option<&'static str>,
     layers: Vec<LayerEntry>,
     features: Vec<FeatureEntry>,
     bad_pixels: Vec<BadEntry>,
@@ -169,7 +174,13 @@ impl Findings {
             channels: part.channels.iter().map(|channel| entry(channel, &roles, scans)).collect(),
         };
         let stored = Feature::ALL.into_iter().filter(|f| !f.row().channels.is_empty());
+        let mapping = inspection.mapping();
+        let renderer = mapping.renderer();
+        let guides = [Feature::Texture, Feature::Normal, Feature::Depth];
+        let lacks_some = guides.iter().any(|&guide| mapping.value(guide).is_none());
         Self {
+            renderer,
+            switch_on: renderer.filter(|_| lacks_some).map(|_| mapping.switches()),
             file: header.path().display().to_string(),
             convention: inspection.mapping().convention(),
             samples_per_pixel: header.samples_per_pixel(),
@@ -210,7 +221,7 @@ impl Findings {
                     format!("{} ({convention})", channels.join(" "))
                 }
                 (channels, _) if entry.status == Status::Absent => {
-                    format!("no {}", channels.join(" "))
+                    format!("no {}", channels.join(", "))
                 }
                 (channels, _) => channels.join(" "),
             };
@@ -225,6 +236,9 @@ impl Findings {
             table.row([entry.feature.to_owned(), status.to_owned(), from, variance]);
         }
         text.push_str(&table.render(Format::Plain));
+        if let (Some(renderer), Some(settings)) = (self.renderer, self.switch_on) {
+            let _ = writeln!(text, "\nTo have what is absent, switch on in {renderer}: {settings}");
+        }
         text.push_str(&self.bad_pixels());
         text
     }
@@ -367,8 +381,16 @@ fn entry(
     ChannelEntry {
         name: channel.name.clone(),
         kind: channel.kind.to_string(),
-        feeds: roles.get(channel.name.as_str()).map(PlaneId::to_string),
+        feeds: roles.get(channel.name.as_str()).map(term),
         samples: scans.get(&channel.name).map(SamplesEntry::new),
+    }
+}
+
+/// What a channel feeds: the term that reads it, and of which component.
+fn term(plane: &PlaneId) -> String {
+    match plane.quantity {
+        Quantity::Value => format!("{}[{}]", plane.feature.term(), plane.component),
+        Quantity::Gradient | Quantity::Variance => plane.to_string(),
     }
 }
 
@@ -380,10 +402,13 @@ fn feature_entry(
     let row = feature.row();
     let mapping = inspection.mapping();
     let Some(source) = mapping.value(feature) else {
-        let channels = row.channels.iter().map(|&name| name.to_owned()).collect();
+        // As the file's renderer calls them.
+        let own = row.channels.iter().map(|&name| name.to_owned()).collect();
+        let names = mapping.names(feature);
+        let channels = if names.is_empty() { own } else { names };
         let status = Status::Absent;
         return FeatureEntry {
-            feature: row.name,
+            feature: feature.term(),
             status,
             channels,
             convention: None,
@@ -403,7 +428,7 @@ fn feature_entry(
     };
     let variance = feature.spelling(Quantity::Variance).map(|_| variance);
     FeatureEntry {
-        feature: row.name,
+        feature: feature.term(),
         status,
         channels: source.channels.clone(),
         convention: Some(source.convention),

@@ -264,6 +264,11 @@ impl Feature {
         !self.row().channels.is_empty()
     }
 
+    /// The field's term for its value, which expressions read and `--map` takes.
+    pub fn term(self) -> &'static str {
+        self.row().term.unwrap_or(self.row().name)
+    }
+
     /// The spelling of one of its quantities, if expressions can name it.
     pub fn spelling(self, quantity: Quantity) -> Option<&'static str> {
         let row = self.row();

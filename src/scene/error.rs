@@ -68,18 +68,21 @@ pub enum SceneError {
     #[error(
         "{path}: the filter reads `{term}`, which this file does not provide; \
          looked for {looked_for}; the file has {present}. \
-         Render that feature too, or use a filter that does not read it",
+         {setting}, or use a filter that does not read it",
         path = path.display()
     )]
     MissingFeature {
         /// The file.
         path: PathBuf,
-        /// The term as expressions spell it.
+        /// The field's term, as expressions spell it, `--map` takes it and `inspect` lists it.
         term: String,
         /// The channels that would have been taken.
         looked_for: String,
         /// What the file has, as text.
         present: String,
+        /// What to do to have it in the file: what to switch on, as its renderer calls it, if
+        /// the renderer is known.
+        setting: String,
     },
     /// Pixels that are no numbers, and the user asked to refuse them.
     #[error(

@@ -383,6 +383,13 @@ impl Mapping {
         if self.is_certain { self.convention.switches } else { "" }
     }
 
+    /// What the renderer calls a feature's layers, if names tell the renderer; of other
+    /// files nobody knows.
+    pub fn names(&self, feature: Feature) -> Vec<String> {
+        let layers = self.convention.layers(feature).into_iter();
+        layers.filter(|_| self.renderer().is_some()).map(str::to_owned).collect()
+    }
+
     /// The convention that explains the file best.
     pub fn convention(&self) -> &'static str {
         self.convention.name

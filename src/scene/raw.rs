@@ -308,11 +308,21 @@ impl Origin {
 
     /// The error for a plane that a filter reads and the file does not provide.
     pub(super) fn missing(&self, scene: &str, id: PlaneId) -> SceneError {
-        let term = id.feature.spelling(id.quantity).unwrap_or(id.feature.row().name).to_owned();
+        let term = match id.quantity {
+            Quantity::Value => id.feature.term(),
+            other => id.feature.spelling(other).unwrap_or(id.feature.term()),
+        };
         let (path, present) = match &self.target {
             Some(target) => (target.path().to_owned(), target.listing().listing()),
             None => (scene.into(), "no such feature".to_owned()),
         };
-        SceneError::MissingFeature { path, term, looked_for: looked_for(id.feature), present }
+        let mapping = self.target.as_ref().map(Target::mapping);
+        let known = mapping.and_then(|mapping| Some((mapping.renderer()?, mapping.switches())));
+        let setting = match known {
+            Some((renderer, switches)) => format!("Switch it on in {renderer}: {switches}"),
+            None => "Render that feature too".to_owned(),
+        };
+        let looked_for = looked_for(id.feature);
+        SceneError::MissingFeature { path, term: term.to_owned(), looked_for, present, setting }
     }
 }

@@ -313,7 +313,7 @@ fn inspect_tells_what_feeds_what() {
         let found = text.lines().find(|line| line.split_whitespace().next() == Some(name));
         found.unwrap_or_else(|| panic!("no line `{name}` in: {text}")).to_owned()
     };
-    assert!(line("Albedo.B").contains("texture[2]") && line("Albedo.B").contains("20 infinite"));
+    assert!(line("Albedo.B").contains("albedo[2]") && line("Albedo.B").contains("20 infinite"));
     assert!(line("Normal.Z").contains("constant 0"), "{text}");
     assert!(line("depth").contains("absent") && line("depth").contains("Depth.Z"), "{text}");
     assert!(line("normal").contains("estimated"), "{text}");

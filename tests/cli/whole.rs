@@ -528,7 +528,7 @@ fn a_lit_layer_is_no_albedo() {
     assert!(report.contains("absent: albedo"), "{report}");
     let listed = json(&place.done(&["inspect", "in.exr", "--json"]));
     let features = listed["features"].as_array().expect("a list");
-    let albedo = features.iter().find(|entry| entry["feature"] == "texture");
+    let albedo = features.iter().find(|entry| entry["feature"] == "albedo");
     assert_eq!(albedo.expect("listed")["status"], "absent");
 }
 
@@ -709,4 +709,49 @@ fn a_depth_may_be_a_grey_image_in_colours() {
             None => assert!(!report.contains("one number"), "{report}"),
         }
     }
+}
+
+/// A feature has one name wherever it is spoken of, and its setting that of the renderer.
+#[test]
+fn what_is_missing_is_called_as_users_call_it() {
+    let place = Place::new();
+    let made = Made::new(16);
+    let blender = |name: &str| match name.split_once('.') {
+        None => Some(format!("ViewLayer.Combined.{name}")),
+        Some(("Normal", axis)) => Some(format!("ViewLayer.Denoising Normal.{axis}")),
+        Some(_) => None,
+    };
+    write(&place.path("in.exr"), made.named(blender));
+    let listed = json(&place.done(&["inspect", "in.exr", "--json"]));
+    let features = listed["features"].as_array().expect("a list");
+    let names: Vec<&str> =
+        features.iter().map(|entry| entry["feature"].as_str().expect("a name")).collect();
+    let expected = ["position", "normal", "albedo", "secondaryAlbedo", "depth", "direct", "color"];
+    assert_eq!(names, expected);
+    let setting = "View Layer > Passes > Data > Denoising Data";
+    assert_eq!(
+        (&listed["renderer"], &listed["switch_on"]),
+        (&"Blender Cycles".into(), &setting.into())
+    );
+    assert_eq!(features[2]["channels"][0], "Denoising Albedo");
+    let text = place.done(&["inspect", "in.exr"]);
+    assert!(text.contains(&format!("switch on in Blender Cycles: {setting}")), "{text}");
+    for (name, term) in [("albedo", "texture"), ("direct", "dirIllumination")] {
+        // Every name that inspect lists is one that --map takes.
+        let map = format!("{name}=ViewLayer.Denoising Normal");
+        place.done(&["denoise", "in.exr", "-o", "mapped.exr", "--map", &map]);
+        for spelled in [name, term] {
+            let filter = format!("exp(-distance2({spelled}, {spelled}))");
+            let run = ["denoise", "in.exr", "-o", "no.exr", "--filter", &filter];
+            let said =
+                ["in.exr", &format!("reads `{name}`"), "Blender Cycles: View Layer > Passes"];
+            place.fails(1, &run, &said);
+        }
+    }
+    // Where nobody knows the renderer, nothing is said of it.
+    write(&place.path("in.exr"), made.named(|name| (!name.contains('.')).then(|| name.to_owned())));
+    let text = place.done(&["inspect", "in.exr"]);
+    assert!(!text.contains("switch on"), "{text}");
+    let run = ["denoise", "in.exr", "-o", "no.exr", "--filter", "distance2(albedo, albedo)"];
+    place.fails(1, &run, &["reads `albedo`", "Render that feature too"]);
 }
