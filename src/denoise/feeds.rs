@@ -1,6 +1,7 @@
 //! What feeds a filter, in one line.
 
 use std::fmt;
+use std::path::Path;
 
 use crate::expr::{Feature, Quantity};
 use crate::scene::Target;
@@ -23,11 +24,20 @@ impl fmt::Display for Feeds<'_> {
             write!(f, "{renderer}: ")?;
         }
         let sources = mapping.sources().filter(|&(_, quantity, _)| quantity == Quantity::Value);
+        // What is in files of their own is told file by file.
         let mut told: Vec<String> = Vec::new();
+        let mut beside: Vec<(&Path, Vec<String>)> = Vec::new();
         for (feature, _, source) in sources {
-            let layer = layer(&source.channels);
-            let text = format!("{} from {layer}", feature.row().title);
-            told.push(text);
+            let places = source.channels.iter().filter_map(|channel| self.0.place(channel));
+            let (files, names): (Vec<&Path>, Vec<&str>) = places.unzip();
+            let text = format!("{} from {}", feature.row().title, layer(&names));
+            match files.first().filter(|&&file| file != self.0.path()) {
+                None => told.push(text),
+                Some(&file) => match beside.iter_mut().find(|(known, _)| *known == file) {
+                    Some((_, told)) => told.push(text),
+                    None => beside.push((file, vec![text])),
+                },
+            }
         }
         // The colour first, as people think of it.
         told.sort_by_key(|text| !text.starts_with(Feature::Color.row().title));
@@ -38,6 +48,9 @@ impl fmt::Display for Feeds<'_> {
             told.push(format!("variances of {}", variances.join(", ")));
         }
         f.write_str(&told.join(", "))?;
+        for (file, told) in beside {
+            write!(f, "; {}: {}", file.display(), told.join(", "))?;
+        }
 
         let lacks = |feature: &Feature| mapping.value(*feature).is_none();
         let guides = [Feature::Texture, Feature::Normal, Feature::Depth];
@@ -60,7 +73,7 @@ impl fmt::Display for Feeds<'_> {
 }
 
 /// What channels have in common, or their names.
-fn layer(channels: &[String]) -> String {
+fn layer(channels: &[&str]) -> String {
     let Some(first) = channels.first() else { return String::new() };
     match first.rsplit_once('.') {
         Some((layer, _)) if channels.len() > 1 => layer.to_owned(),

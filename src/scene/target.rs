@@ -113,6 +113,13 @@ impl Target {
         self.listing.path()
     }
 
+    /// The file that holds a channel of the frame's, and what that file calls it; nothing if
+    /// there is no such channel.
+    pub fn place(&self, full: &str) -> Option<(&Path, &str)> {
+        let (file, name) = self.listing.place(full)?;
+        Some((self.listing.file(file), name))
+    }
+
     /// The channels of the frame's files.
     pub fn listing(&self) -> &Listing {
         &self.listing

@@ -458,7 +458,10 @@ fn features_may_be_called_anything_and_be_anywhere() {
     write(&place.path("n.exr"), made.named(|name| of("Normal.", name)));
     write(&place.path("shot_Depth.0012.exr"), made.named(|name| of("Depth.", name)));
     let files = ["--albedo", "a.exr", "--normal", "n.exr", "--aux", "shot_Depth.0012.exr"];
-    denoised(&place, &files);
+    let (_, _, report) = denoised(&place, &files);
+    let feeds = "in.exr: colour from R G B; n.exr: normals from X Y Z; a.exr: albedo from R G B; \
+                 shot_Depth.0012.exr: depth from Z; absent: variances (estimated)";
+    assert_eq!(report.lines().next(), Some(feeds));
     assert_eq!(place.pixels("out.exr"), expected);
     let wrong = ["denoise", "in.exr", "-o", "no.exr", "--aux", "a.exr"];
     place.fails(1, &wrong, &["a.exr", "nothing in it", "--albedo"]);
@@ -467,6 +470,14 @@ fn features_may_be_called_anything_and_be_anywhere() {
     fs::rename(place.path("a.exr"), place.path("shot.albedo.exr")).expect("writable");
     let files = ["--aux", "shot.albedo.exr", "--normal", "n.exr", "--depth", "shot_Depth.0012.exr"];
     denoised(&place, &files);
+    assert_eq!(place.pixels("out.exr"), expected);
+
+    // Several features of one file, which is named once.
+    write(&place.path("more.exr"), made.named(|name| name.contains('.').then(|| name.to_owned())));
+    let (_, _, report) = denoised(&place, &["--aux", "more.exr"]);
+    let feeds = "in.exr: colour from R G B; more.exr: normals from Normal, albedo from Albedo, \
+                 depth from Depth.Z; absent: variances (estimated)";
+    assert_eq!(report.lines().next(), Some(feeds));
     assert_eq!(place.pixels("out.exr"), expected);
 }
 
