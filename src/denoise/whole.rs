@@ -1,5 +1,6 @@
 //! Results as files: like the file that was read, but with other colours.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use super::{DenoiseError, Denoised, Picture};
@@ -51,6 +52,28 @@ impl Denoised {
         let source = first.target.path();
         let lost = rewrite(source, path, &replacements, (ATTRIBUTE, &self.provenance()));
         Ok(lost.map_err(SceneError::from)?)
+    }
+
+    /// What a file of one picture does not have of what was read: the pictures beside the best
+    /// one, and the layers of the colour's file that feed nothing, light groups among them. The
+    /// alpha of the picture is none of them.
+    pub fn beside_the_picture(&self) -> Vec<String> {
+        let (first, others) = self.pictures.split_first().expect("there is at least one");
+        let others = others.iter().map(|picture| picture.target.mapping().which().to_string());
+        let mut left_out: Vec<String> = others.collect();
+        let fed = self.pictures.iter().flat_map(|picture| {
+            let sources = picture.target.mapping().sources();
+            let fed = sources.flat_map(|(_, _, source)| source.channels.iter().cloned());
+            fed.chain(picture.target.alpha())
+        });
+        let fed: HashSet<String> = fed.collect();
+        for channel in first.target.listing().header().names() {
+            let layer = channel.rsplit_once('.').map_or(channel, |(layer, _)| layer);
+            if !fed.contains(channel) && !left_out.iter().any(|known| known == layer) {
+                left_out.push(layer.to_owned());
+            }
+        }
+        left_out
     }
 
     /// What made the result: the program, the filter and its fingerprint, the back end and its

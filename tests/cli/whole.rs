@@ -766,3 +766,50 @@ fn what_is_missing_is_called_as_users_call_it() {
     let run = ["denoise", "in.exr", "-o", "no.exr", "--filter", "distance2(albedo, albedo)"];
     place.fails(1, &run, &["reads `albedo`", "Render that feature too"]);
 }
+
+/// What a format of one picture has no place for is told once, and what feeds filters is not
+/// called a loss.
+#[test]
+fn what_is_not_in_a_png_file_is_told() {
+    let place = Place::new();
+    let made = Made::new(17);
+    let mut channels = made.all();
+    for layer in ["light_key", "light_fill", "crypto00"] {
+        channels
+            .extend(made.named(|name| (!name.contains('.')).then(|| format!("{layer}.{name}"))));
+    }
+    channels.push(("mask".to_owned(), FlatSamples::F32(vec![1.0; SIZE.0 * SIZE.1])));
+    channels.push(("A".to_owned(), FlatSamples::F32(vec![1.0; SIZE.0 * SIZE.1])));
+    write(&place.path("in.exr"), channels);
+    let report = |output: &str| {
+        let run = place.run(&["denoise", "in.exr", "-o", output, "--layers", "light_*"]);
+        assert!(run.status.success(), "{}", stderr(&run));
+        stderr(&run)
+    };
+    for (output, name) in [("out.png", "PNG"), ("out.pfm", "PFM")] {
+        let remark = format!(
+            "{output}: a {name} file holds one picture; not in it: crypto00, light_fill, \
+             light_key, mask\n"
+        );
+        assert!(report(output).contains(&remark), "{}", report(output));
+    }
+    assert!(!report("out.exr").contains("not in it"));
+
+    let mut channels = made.all();
+    channels.extend(made.named(|name| Some(format!("right.{name}"))));
+    let mut stereo = layer(channels);
+    stereo.attributes.multi_view_names = Some(vec!["left".into(), "right".into()]);
+    Image::from_layer(stereo).write().to_file(place.path("1.exr")).expect("writable");
+    fs::copy(place.path("1.exr"), place.path("2.exr")).expect("writable");
+    let run = place.run(&["denoise", "1.exr", "2.exr", "-o", "clean/", "--format", "png"]);
+    let report = stderr(&run);
+    let remark = "clean/1.png: a PNG file holds one picture; not in it: view `right`\n";
+    assert!(report.contains(remark), "{report}");
+    assert_eq!(report.matches("not in it").count(), 1, "{report}");
+    // The other view alone leaves out this one, which was not filtered.
+    let run = place.run(&["denoise", "1.exr", "-o", "out.png", "--view", "right"]);
+    assert!(stderr(&run).contains("not in it: "), "{}", stderr(&run));
+    write(&place.path("in.exr"), made.all());
+    let run = place.run(&["denoise", "in.exr", "-o", "out.png"]);
+    assert!(!stderr(&run).contains("not in it"), "{}", stderr(&run));
+}

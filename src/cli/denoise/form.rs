@@ -31,6 +31,15 @@ impl Form {
         }
     }
 
+    /// Its name, for people.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Exr => "OpenEXR",
+            Self::Png => "PNG",
+            Self::Pfm => "PFM",
+        }
+    }
+
     /// The form that a file's name asks for.
     pub(super) fn of(path: &Path) -> Option<Self> {
         let ending = path.extension()?;

@@ -9,7 +9,7 @@ use super::timings::Timings;
 use crate::cli::apply::reach;
 use crate::cli::error::Error;
 use crate::denoise::{self, Applied, Denoised, Denoiser, Feeds, Picture};
-use crate::image::Image;
+use crate::image::{Image, listing};
 use crate::report::number;
 use crate::scene::Note;
 use crate::scene::listing::Aux;
@@ -41,6 +41,8 @@ pub(super) struct Filtered {
 pub(super) struct Written {
     /// What feeds the filter, a line for each picture.
     pub(super) feeds: Vec<String>,
+    /// What of the input the result's format has no place for, if anything.
+    pub(super) left_out: Option<String>,
     /// What people should know, a line each.
     pub(super) remarks: Vec<Remark>,
     /// What the frame was filtered with.
@@ -101,7 +103,15 @@ impl Job<'_> {
         }
         let feeds = pictures.iter().map(|picture| Feeds(&picture.target).to_string()).collect();
         let filter = pictures[0].chosen.filter.name.clone();
-        Ok(Written { feeds, remarks, filter, timings })
+        let left_out = match self.form {
+            Form::Exr => Vec::new(),
+            Form::Png | Form::Pfm => filtered.denoised.beside_the_picture(),
+        };
+        let left_out = (!left_out.is_empty()).then(|| {
+            let names = listing(left_out.iter().map(String::as_str));
+            format!("a {} file holds one picture; not in it: {names}", self.form.name())
+        });
+        Ok(Written { feeds, left_out, remarks, filter, timings })
     }
 
     /// What there is to say of a picture.

@@ -183,7 +183,7 @@ impl Denoise {
         let start = started.elapsed();
         let progress = Progress::new(log, files.len());
         let mut tally = Tally::new(self.sequence.json);
-        let mut fed = Vec::new();
+        let (mut fed, mut left_out) = (Vec::new(), None);
         let run = Pipeline::new(frames).run(
             files.len(),
             |frame| {
@@ -222,6 +222,11 @@ impl Denoise {
                                     log.say(format_args!("{input}: {feeds}"));
                                 }
                             }
+                            if let Some(text) = &written.left_out
+                                && written.left_out != left_out
+                            {
+                                log.say(format_args!("{}: {text}", frame.output_name()));
+                            }
                             written.remarks.iter().for_each(|remark| match remark {
                                 Remark::Warning(text) => log.warn(text),
                                 Remark::Detail(text) => log.say(text),
@@ -231,7 +236,7 @@ impl Denoise {
                             }
                             tally.done(frame, &written.filter, written.timings)
                         })?;
-                        fed = written.feeds;
+                        (fed, left_out) = (written.feeds, written.left_out);
                     }
                     Ok(None) => progress.aside(|| tally.skipped(frame))?,
                     Err(error) => {
