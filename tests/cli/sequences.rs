@@ -264,3 +264,27 @@ fn frames_of_a_folder_have_their_features_beside_them() {
     place.fails(1, &denoise(&["n"], "d/", &beside("n/####.exr")), &["n", "--normal"]);
     assert!(!place.path("d").exists());
 }
+
+/// A file whose name would be a pattern is itself, wherever it is named.
+#[test]
+fn a_file_with_a_number_sign_in_its_name_is_no_pattern() {
+    let place = shot(&[1]);
+    write_exr(&place.path("v#1.exr"), &NOISY);
+    write_exr(&place.path("v11.exr"), &NOISY);
+    let normal: Vec<Channel> =
+        NOISY.iter().filter(|(name, _)| name.starts_with("Normal")).copied().collect();
+    write_exr(&place.path("n#.exr"), &normal);
+    place.done(&denoise(&["room/4spp.exr"], "alone.exr", &[]));
+    place.done(&denoise(&["v#1.exr"], "out.exr", &["--normal", "n#.exr"]));
+    assert_eq!(place.pixels("out.exr"), place.pixels("alone.exr"));
+    fs::write(place.path("o#1.exr"), "an older result").expect("writable");
+    place.done(&denoise(&["v#1.exr"], "o#1.exr", &[]));
+    assert_eq!(place.pixels("o#1.exr"), place.pixels("alone.exr"));
+    // The file with the sign alone: its name has no frame number but the one behind it.
+    let status = place.done(&denoise(&["v#1.exr"], "json.exr", &["--json"]));
+    assert_eq!(lines(&status)[0]["frame"], 1);
+    // Where there is no such file, it is a pattern.
+    fs::remove_file(place.path("v#1.exr")).expect("writable");
+    place.done(&denoise(&["v#1.exr"], "clean/", &[]));
+    assert_eq!(names(&place, "clean"), ["v11.exr"]);
+}

@@ -57,7 +57,8 @@ impl Files {
     /// Where the results of inputs go; nothing is read or made yet.
     pub(super) fn of(inputs: &[Input], output: &Path, format: Option<Form>) -> Result<Self, Error> {
         let folder = output.is_dir() || ends_in_separator(output);
-        let pattern = Pattern::of(output).filter(|_| !folder);
+        // A file of exactly that name is that file, as it is among the inputs.
+        let pattern = Pattern::of(output).filter(|_| !folder && !output.is_file());
         let files = match (inputs, pattern) {
             ([input], _) if is_stream(output) => Self::to_stream(input, format),
             (inputs, _) if folder => Self::below(output, inputs, format.unwrap_or(Form::Exr))?,
