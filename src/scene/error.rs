@@ -23,6 +23,17 @@ pub enum SceneError {
         /// The layers of three channels that the file has, or its channels, as text.
         present: String,
     },
+    /// The colour is stored as luminance and chroma.
+    #[error(
+        "{path}: its colour is stored as luminance and chroma (Y, RY and BY), which is not read: \
+         taken for grey, it would lose its colours. Save it as R, G and B, which renderers and \
+         OpenEXR's own tools do",
+        path = path.display()
+    )]
+    LuminanceChroma {
+        /// The file.
+        path: PathBuf,
+    },
     /// A view, a layer or a channel that was asked for is not there.
     #[error("{path}: there is no {what} \"{name}\" in it; there is: {present}", path = path.display())]
     NotInFile {

@@ -201,6 +201,9 @@ impl Mapping {
         let mut taking = Taking { index, samples, claimed: HashSet::new() };
         for said in &selection.said {
             let channels = index.said(prefix, said).ok_or_else(|| {
+                if index.luminance(&said.layer.to_lowercase()) {
+                    return SceneError::LuminanceChroma { path: listing.path().to_owned() };
+                }
                 let present = listing.entries().iter().map(|entry| entry.full.clone());
                 nothing(listing, "layer", &said.layer, present)
             })?;
@@ -243,6 +246,11 @@ impl Mapping {
             if said.is_empty() {
                 continue;
             }
+            let file = listing.place(&said[0].full).map_or(0, |(file, _)| file);
+            let is_chroma = |entry: &&Entry| luminance_of(&entry.layer).is_some();
+            if feature.width() > 1 && said.iter().any(is_chroma) {
+                return Err(SceneError::LuminanceChroma { path: listing.file(file).to_owned() });
+            }
             let channel = |suffixes: &[&str]| {
                 suffixes
                     .iter()
@@ -265,7 +273,6 @@ impl Mapping {
                     said.iter().map(|entry| entry.full.clone()).collect()
                 }
                 None => {
-                    let file = listing.place(&said[0].full).map_or(0, |(file, _)| file);
                     return Err(SceneError::NotInFile {
                         path: listing.file(file).to_owned(),
                         what: "layer of three channels for",
@@ -431,9 +438,14 @@ impl Mapping {
     /// # Errors
     /// If the file has none.
     pub fn color(&self, files: &Listing) -> Result<&Source, SceneError> {
-        self.value(Feature::Color).ok_or_else(|| SceneError::MissingColor {
-            path: files.path().to_owned(),
-            present: layers_of(files),
+        self.value(Feature::Color).ok_or_else(|| {
+            let path = files.path().to_owned();
+            let names = || files.entries().iter().map(|entry| entry.layer.as_str());
+            let has_chroma = names().filter_map(luminance_of).any(|y| names().any(|n| n == y));
+            match has_chroma {
+                true => SceneError::LuminanceChroma { path },
+                false => SceneError::MissingColor { path, present: layers_of(files) },
+            }
         })
     }
 }
@@ -454,6 +466,12 @@ fn layers_of(files: &Listing) -> String {
         true => files.listing(),
         false => format!("the layers {}", listing(layers.into_iter())),
     }
+}
+
+/// The luminance that a channel would be the chroma of; names are in lower case.
+fn luminance_of(layer: &str) -> Option<String> {
+    let prefix = layer.strip_suffix("ry").or_else(|| layer.strip_suffix("by"))?;
+    (prefix.is_empty() || prefix.ends_with('.')).then(|| format!("{prefix}y"))
 }
 
 /// The error for what was asked for and is not there.
@@ -532,17 +550,29 @@ impl<'a> Index<'a> {
 
     /// The full names of a candidate's channels, if all of them are there.
     fn find(&self, prefix: &str, candidate: &Candidate) -> Option<Vec<String>> {
-        // A Z beside X and Y is no depth, and a Y beside X no luminance.
+        // A Z beside X and Y is no depth, a Y beside X no luminance, and a luminance beside its
+        // chroma no grey image.
         if let [name] = candidate.as_slice()
             && let full = format!("{prefix}{name}")
             && let Some(layer) = full.strip_suffix(['y', 'z'])
             && (layer.is_empty() || layer.ends_with('.'))
-            && self.names.contains_key(format!("{layer}x").as_str())
+            && (self.names.contains_key(format!("{layer}x").as_str()) || self.luminance(&full))
         {
             return None;
         }
         let spelled = |name: &String| self.names.get(format!("{prefix}{name}").as_str());
         candidate.iter().map(|name| spelled(name).map(|&name| name.to_owned())).collect()
+    }
+
+    /// Whether a channel, or a layer's, is a luminance that has its chroma beside it: the two
+    /// make a coloured image, and neither is one.
+    fn luminance(&self, name: &str) -> bool {
+        let layer = match name.strip_suffix('y') {
+            Some(layer) if layer.is_empty() || layer.ends_with('.') => layer.to_owned(),
+            _ => format!("{name}."),
+        };
+        let has = |component: &str| self.names.contains_key(format!("{layer}{component}").as_str());
+        has("y") && (has("ry") || has("by"))
     }
 
     fn has(&self, convention: &Convention, feature: Feature, prefix: &str) -> bool {

@@ -813,3 +813,47 @@ fn what_is_not_in_a_png_file_is_told() {
     let run = place.run(&["denoise", "in.exr", "-o", "out.png"]);
     assert!(!stderr(&run).contains("not in it"), "{}", stderr(&run));
 }
+
+#[test]
+fn luminance_and_chroma_are_no_grey_image() {
+    let place = Place::new();
+    let made = Made::new(18);
+    let of = |name: &str| made.channels[name].iter().copied();
+    let y: Vec<f32> = of("R")
+        .zip(of("G"))
+        .zip(of("B"))
+        .map(|((r, g), b)| 0.2126 * r + 0.7152 * g + 0.0722 * b)
+        .collect();
+    let chroma = |name: &str| of(name).zip(&y).map(|(x, y)| (x - y) / y).collect();
+    let coloured = |prefix: &str| {
+        [("Y", y.clone()), ("RY", chroma("R")), ("BY", chroma("B"))]
+            .map(|(name, samples)| (format!("{prefix}{name}"), FlatSamples::F32(samples)))
+            .to_vec()
+    };
+    for prefix in ["", "beauty."] {
+        write(&place.path("in.exr"), coloured(prefix));
+        let run = ["denoise", "in.exr", "-o", "no.exr"];
+        let said = ["in.exr", "luminance and chroma", "R, G and B"];
+        place.fails(1, &run, &said);
+        for layer in ["Y", "beauty", "beauty.Y"] {
+            let map = format!("color={layer}");
+            if layer == "Y" || !prefix.is_empty() {
+                let run = ["denoise", "in.exr", "-o", "no.exr", "--map", &map];
+                let report = place.run(&run);
+                assert_eq!(report.status.code(), Some(1), "{layer}: {}", stderr(&report));
+            }
+        }
+        let text = place.done(&["inspect", "in.exr"]);
+        assert!(text.contains("RY"), "{text}");
+    }
+    // As an albedo it is refused, and beside a colour it is no matter.
+    write(&place.path("yc.exr"), coloured(""));
+    let plain = made.named(|name| (!name.contains('.')).then(|| name.to_owned()));
+    write(&place.path("in.exr"), plain.clone());
+    let run = ["denoise", "in.exr", "-o", "no.exr", "--albedo", "yc.exr"];
+    place.fails(1, &run, &["yc.exr", "luminance and chroma"]);
+    assert!(!place.path("no.exr").exists());
+    write(&place.path("in.exr"), [plain, coloured("proxy.")].concat());
+    let (before, after, _) = denoised(&place, &[]);
+    before.is_kept_by(&after, &[(0, "R"), (0, "G"), (0, "B")]);
+}
