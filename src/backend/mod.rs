@@ -202,7 +202,26 @@ pub trait Executable: Send + Sync {
     /// plan's [facts](crate::plan::WindowPlan::facts) and they do not hold of the scene; if a
     /// rectangle lies outside of it; if the device fails.
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
+
+    /// The same, and tells how far it is: rows of the region's rectangles as they are done, all
+    /// of them when it returns. A back end that does not know before tells of all at the end.
+    ///
+    /// # Errors
+    /// Those of [`run`](Self::run).
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &Watch<'_>,
+    ) -> Result<Vec<Filtered>, BackendError> {
+        let filtered = self.run(scene, region)?;
+        watch(region.iter().map(|rect| rect.height).sum());
+        Ok(filtered)
+    }
 }
+
+/// Whoever is told, from any thread, that so many more rows are done.
+pub type Watch<'w> = dyn Fn(usize) + Sync + 'w;
 
 /// A loss: given the filtered colours of a whole image, row by row in units of the exposure,
 /// it says how bad they are, and writes its derivative by each of them.

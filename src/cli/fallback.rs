@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::log::Log;
-use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect};
+use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect, Watch};
 use crate::plan::Plan;
 use crate::scene::Scene;
 
@@ -42,8 +42,9 @@ impl Behind {
         plan: &Plan,
         scene: &Scene,
         region: &[Rect],
+        watch: &Watch<'_>,
     ) -> Result<Vec<Filtered>, BackendError> {
-        self.second.compile(plan)?.run(scene, region)
+        self.second.compile(plan)?.run_watched(scene, region, watch)
     }
 }
 
@@ -85,10 +86,19 @@ struct GuardedCode {
 
 impl Executable for GuardedCode {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+        self.run_watched(scene, region, &|_| {})
+    }
+
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &Watch<'_>,
+    ) -> Result<Vec<Filtered>, BackendError> {
         if self.behind.failed.load(Ordering::Relaxed) {
-            return self.behind.run(&self.plan, scene, region);
+            return self.behind.run(&self.plan, scene, region, watch);
         }
-        match self.first.run(scene, region) {
+        match self.first.run_watched(scene, region, watch) {
             // What a scene lacks, or a plan takes for granted of it, is no failure of the GPU.
             Err(
                 error @ (BackendError::Unlike { .. }
@@ -97,7 +107,7 @@ impl Executable for GuardedCode {
             ) => Err(error),
             Err(error) => {
                 self.behind.take_over(&error);
-                self.behind.run(&self.plan, scene, region)
+                self.behind.run(&self.plan, scene, region, watch)
             }
             filtered => filtered,
         }

@@ -36,29 +36,17 @@ impl Log {
 
     /// A line that redraws itself, for so much work, where one makes sense.
     pub(super) fn bar(self, length: u64) -> Option<ProgressBar> {
-        let template = match colors() {
-            true => "{wide_bar:.cyan/238} {msg}",
-            false => "{wide_bar} {msg}",
-        };
-        self.line(ProgressBar::new(length), template)
+        self.line(ProgressBar::new(length))
     }
 
     /// The same for work of which nobody knows how much there is.
     pub(super) fn spinner(self) -> Option<ProgressBar> {
-        let template = match colors() {
-            true => "{spinner:.cyan} {msg}  {elapsed}",
-            false => "{spinner} {msg}  {elapsed}",
-        };
-        self.line(ProgressBar::new_spinner(), template)
+        self.line(ProgressBar::new_spinner())
     }
 
-    fn line(self, bar: ProgressBar, template: &str) -> Option<ProgressBar> {
+    fn line(self, bar: ProgressBar) -> Option<ProgressBar> {
         (!self.quiet && io::stderr().is_terminal()).then(|| {
-            let style = match bar.length() {
-                Some(_) => ProgressStyle::default_bar().progress_chars("━╸─"),
-                None => ProgressStyle::default_spinner(),
-            };
-            bar.set_style(style.template(template).expect("the template is well-formed"));
+            bar.set_style(style(bar.length().is_some()));
             bar.enable_steady_tick(Duration::from_millis(200));
             bar
         })
@@ -68,6 +56,18 @@ impl Log {
     pub(super) fn error(self, error: &Error) {
         let _ = writeln!(io::stderr(), "tamis: error: {}", error.with_causes());
     }
+}
+
+/// What a line looks like: a bar where it is known how much work there is, or a spinner.
+pub(super) fn style(is_bar: bool) -> ProgressStyle {
+    let (style, template) = match (is_bar, colors()) {
+        (true, true) => (ProgressStyle::default_bar(), "{wide_bar:.cyan/238} {msg}"),
+        (true, false) => (ProgressStyle::default_bar(), "{wide_bar} {msg}"),
+        (false, true) => (ProgressStyle::default_spinner(), "{spinner:.cyan} {msg}  {elapsed}"),
+        (false, false) => (ProgressStyle::default_spinner(), "{spinner} {msg}  {elapsed}"),
+    };
+    let style = if is_bar { style.progress_chars("━╸─") } else { style };
+    style.template(template).expect("the template is well-formed")
 }
 
 /// Whether lines may be coloured (<https://no-color.org>).

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::DenoiseError;
-use crate::backend::{Backend, Executable, Filtered, Rect};
+use crate::backend::{Backend, Executable, Filtered, Rect, Watch};
 use crate::filter::Filter;
 use crate::image::Image;
 use crate::plan::{Passes, Plan};
@@ -15,10 +15,29 @@ pub struct Code<'a> {
     plan: Plan,
     code: Box<dyn Executable>,
     strength: f32,
+    watch: &'a Watch<'a>,
     /// How long planning took.
     pub planning: Duration,
     /// How long compilation took.
     pub compilation: Duration,
+}
+
+/// How a filter is applied.
+#[derive(Clone, Copy)]
+pub struct How<'w> {
+    /// How its plan is made.
+    pub passes: Passes,
+    /// How much of the result is taken, between 0 and 1; the rest is the noisy colour.
+    pub strength: f32,
+    /// Who is told how many more rows are done.
+    pub watch: &'w Watch<'w>,
+}
+
+impl How<'_> {
+    /// All of the result, and nobody looks.
+    pub fn new(passes: Passes) -> Self {
+        Self { passes, strength: 1.0, watch: &|_| {} }
+    }
 }
 
 /// What there is to say of a filtered image.
@@ -43,7 +62,7 @@ impl<'a> Code<'a> {
         filter: &'a Filter,
         (scene, facts): (&str, &Facts),
         backend: &dyn Backend,
-        passes: Passes,
+        How { passes, strength, watch }: How<'a>,
     ) -> Result<Self, DenoiseError> {
         let checked = filter.check().expect("only filters that make sense get here");
         let start = Instant::now();
@@ -59,7 +78,7 @@ impl<'a> Code<'a> {
             filter: filter.name.clone(),
             source,
         })?;
-        Ok(Self { filter, plan, code, strength: 1.0, planning, compilation: start.elapsed() })
+        Ok(Self { filter, plan, code, strength, watch, planning, compilation: start.elapsed() })
     }
 
     /// The plan.
@@ -67,19 +86,13 @@ impl<'a> Code<'a> {
         &self.plan
     }
 
-    /// The same, of whose results so much is taken, between 0 and 1, and the rest of the noisy
-    /// colour.
-    #[must_use]
-    pub fn with_strength(self, strength: f32) -> Self {
-        Self { strength, ..self }
-    }
-
     /// Filters a rectangle of a scene.
     ///
     /// # Errors
     /// If the back end fails.
     pub fn run(&self, scene: &Scene, rect: Rect) -> Result<Filtered, DenoiseError> {
-        let filtered = self.code.run(scene, &[rect]).map_err(|source| DenoiseError::Run {
+        let filtered = self.code.run_watched(scene, &[rect], self.watch);
+        let filtered = filtered.map_err(|source| DenoiseError::Run {
             scene: scene.name().to_owned(),
             filter: self.filter.name.clone(),
             source,
@@ -114,8 +127,7 @@ fn keep_uncovered(filtered: &mut Filtered, scene: &Scene, alpha: &[f32], rect: R
     }
 }
 
-/// Filters a scene that was loaded with what the filter needs; of the result so much is
-/// taken as `strength` says, between 0 and 1.
+/// Filters a scene that was loaded with what the filter needs.
 ///
 /// # Errors
 /// If the scene lacks something, the filter cannot be planned, or the back end fails.
@@ -123,13 +135,11 @@ pub fn apply(
     filter: &Filter,
     scene: &Scene,
     backend: &dyn Backend,
-    passes: Passes,
-    strength: f32,
+    how: How<'_>,
 ) -> Result<(Image, Applied), DenoiseError> {
     let checked = filter.check().expect("only filters that make sense get here");
     scene.require(&checked.required())?;
-    let code = Code::new(filter, (scene.name(), &Facts::of(scene)), backend, passes)?;
-    let code = code.with_strength(strength);
+    let code = Code::new(filter, (scene.name(), &Facts::of(scene)), backend, how)?;
     let start = Instant::now();
     let whole = Rect::whole(scene);
     let Filtered { pixels, kept } = code.run(scene, whole)?;

@@ -24,10 +24,12 @@ mod parts;
 mod whole;
 
 use std::path::Path;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 
 use glob::Pattern;
 
-use crate::backend::Backend;
+use crate::backend::{Backend, Watch};
 use crate::filter::Filter;
 use crate::image::Image;
 use crate::plan::{Passes, Precision};
@@ -36,7 +38,7 @@ use crate::scene::mapping::Selection;
 use crate::scene::{LayerChannels, LoadOptions, Note, Scene, SpilledScene, Target, Weight};
 
 pub use choice::{Chosen, Why};
-pub use code::{Applied, Code, apply};
+pub use code::{Applied, Code, How, apply};
 pub use error::DenoiseError;
 pub use feeds::Feeds;
 pub use whole::ATTRIBUTE;
@@ -205,31 +207,61 @@ impl<'a> Denoiser<'a> {
     /// # Errors
     /// If it lacks what its filter needs, or the back end fails.
     pub fn filter(&self, frame: Frame) -> Result<Denoised, DenoiseError> {
-        let pictures = frame.pictures.into_iter().map(|loaded| self.filter_picture(loaded));
+        self.filter_watched(frame, &|_, _| {})
+    }
+
+    /// The same, and tells how far it is: how many rows are filtered, of how many, those of
+    /// every picture and of every layer that is filtered by its weights. It is told from any thread.
+    ///
+    /// # Errors
+    /// Those of [`filter`](Self::filter).
+    pub fn filter_watched(
+        &self,
+        frame: Frame,
+        watch: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Denoised, DenoiseError> {
+        let all: usize = frame.pictures.iter().map(|loaded| self.rows(loaded)).sum();
+        let done = AtomicUsize::new(0);
+        // A back end that takes over begins anew.
+        let watch = |rows: usize| watch(all.min(done.fetch_add(rows, Relaxed) + rows), all);
+        let pictures = frame.pictures.into_iter();
+        let pictures = pictures.map(|loaded| self.filter_picture(loaded, &watch));
         let pictures = pictures.collect::<Result<_, _>>()?;
         let (backend, precision) = (self.backend.name(), self.options.passes.precision);
         Ok(Denoised { pictures, backend, precision })
     }
 
-    fn filter_picture(&self, loaded: Loaded) -> Result<Picture, DenoiseError> {
+    /// Rows that are filtered of a picture, each as often as there is something to filter.
+    fn rows(&self, loaded: &Loaded) -> usize {
+        match &loaded.pixels {
+            Pixels::Spilled(scene) => scene.layout().height(),
+            Pixels::InMemory(scene) => {
+                // An alpha is filtered twice: with what it covers, and with white.
+                let white = usize::from(self.filters_alpha_of(&loaded.target));
+                scene.layout().height() * (1 + scene.layers().count() + white)
+            }
+        }
+    }
+
+    fn filter_picture(&self, loaded: Loaded, watch: &Watch<'_>) -> Result<Picture, DenoiseError> {
         let Loaded { target, pixels, chosen, carrying } = loaded;
         let filter = &chosen.filter;
         let (passes, strength) = (self.options.passes, self.options.strength.unwrap_or(1.0));
+        let how = How { passes, strength, watch };
         let mut layers = Vec::new();
         let (image, mut applied, notes) = match pixels {
             Pixels::InMemory(scene) => {
                 let missing = scene.missing().to_vec();
                 let scene = if self.options.filters_alpha { scene.without_alpha() } else { *scene };
-                let (image, applied) = apply(filter, &scene, self.backend, passes, strength)?;
+                let (image, applied) = apply(filter, &scene, self.backend, how)?;
                 let notes = scene.notes().to_vec();
                 if let Some(carrying) = &carrying {
-                    layers = self.filter_layers(&target, carrying, scene)?;
+                    layers = self.filter_layers(&target, carrying, scene, how)?;
                 }
                 (image.blackened(&missing), applied, notes)
             }
             Pixels::Spilled(scene) => {
                 let max_memory = self.options.max_memory.unwrap_or(u64::MAX);
-                let how = (passes, strength);
                 let (image, applied) = parts::apply(filter, &scene, self.backend, how, max_memory)?;
                 (image.blackened(scene.missing()), applied, scene.notes().to_vec())
             }
@@ -261,18 +293,18 @@ impl Denoiser<'_> {
         target: &Target,
         carrying: &Filter,
         mut scene: Scene,
+        how: How<'_>,
     ) -> Result<Vec<(Image, Applied)>, DenoiseError> {
-        let (passes, strength) = (self.options.passes, self.options.strength.unwrap_or(1.0));
         let layers: Vec<LayerChannels> = scene.layers().cloned().collect();
         let mut filtered = Vec::with_capacity(layers.len());
         for (k, LayerChannels { channels, .. }) in layers.iter().enumerate() {
             scene = scene.with_layer(k);
-            let (mut layer, applied) = apply(carrying, &scene, self.backend, passes, strength)?;
+            let (mut layer, applied) = apply(carrying, &scene, self.backend, how)?;
             if k + 1 == layers.len() && self.filters_alpha_of(target) {
                 // Light is divided by the albedo and multiplied by it again, which keeps what
                 // is lit evenly. What covers a pixel is not lit: it is kept where it is even.
                 scene = scene.with_white();
-                let (white, _) = apply(carrying, &scene, self.backend, passes, strength)?;
+                let (white, _) = apply(carrying, &scene, self.backend, how)?;
                 let shares = layer.rgb()[0].iter().zip(white.rgb()[0]);
                 let share = |(&a, &one): (&f32, &f32)| if one > 0.0 { a / one } else { a };
                 let alpha: Vec<f32> = shares.map(share).collect();

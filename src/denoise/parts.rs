@@ -7,28 +7,26 @@
 use std::time::Instant;
 
 use super::DenoiseError;
-use super::code::{Applied, Code};
+use super::code::{Applied, Code, How};
 use crate::backend::{Backend, Filtered, Rect};
 use crate::filter::Filter;
 use crate::image::Image;
-use crate::plan::Passes;
 use crate::scene::SpilledScene;
 
 /// Rows of a part at least: each also computes rows around it.
 const SHORTEST: usize = 64;
 
-/// Filters a scene within so many bytes of memory, and takes so much of the result.
+/// Filters a scene within so many bytes of memory.
 pub(super) fn apply(
     filter: &Filter,
     scene: &SpilledScene,
     backend: &dyn Backend,
-    (passes, strength): (Passes, f32),
+    how: How<'_>,
     max_memory: u64,
 ) -> Result<(Image, Applied), DenoiseError> {
     let checked = filter.check().expect("only filters that make sense get here");
     scene.require(&checked.required())?;
-    let code = Code::new(filter, (scene.name(), scene.facts()), backend, passes)?;
-    let code = code.with_strength(strength);
+    let code = Code::new(filter, (scene.name(), scene.facts()), backend, how)?;
     let layout = scene.layout();
     let (width, height) = (layout.width(), layout.height());
     let start = Instant::now();

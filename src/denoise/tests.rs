@@ -58,3 +58,35 @@ fn spilled_scenes_are_mended_like_others() {
         assert!(denoised.is_ok(), "nothing in it needs repair");
     }
 }
+
+fn galley_pixels() -> usize {
+    let target = Target::of(&galley()).expect("a file of ours");
+    target.window().expect("it has a colour").pixels()
+}
+
+/// Whoever watches is told of every row once, whole frames and parts alike, and before all is done.
+#[test]
+fn a_watch_is_told_how_far_the_filtering_is() {
+    let single = Filter::single("mean", "1".parse().expect("a weight"), 2);
+    let program = shipped::programs().next().expect("one ships");
+    for filter in [single, program] {
+        let is_program = filter.paper().is_none();
+        for max_memory in [None, Some(SpilledScene::least(galley_pixels()))] {
+            let filter = Some(filter.clone());
+            let options = Options { filter, max_memory, ..Options::default() };
+            let denoiser = Denoiser::new(&Interpreter, options);
+            let frame = denoiser.load(&galley(), &[]).expect("a file of ours");
+            let told = std::sync::Mutex::new(Vec::new());
+            let watch = |done, of| told.lock().expect("nobody panics").push((done, of));
+            let denoised = denoiser.filter_watched(frame, &watch).expect("it has every feature");
+            let height = denoised.image().size().1;
+            let mut told = told.into_inner().expect("nobody panics");
+            told.sort_unstable();
+            assert!(told.windows(2).all(|pair| pair[0].0 < pair[1].0), "each row once: {told:?}");
+            assert_eq!(told.last(), Some(&(height, height)));
+            assert!(told.iter().all(|&(_, of)| of == height));
+            // Windows that are mirrored are done in strips of many rows.
+            assert!(!is_program || told[0].0 <= height / 4, "{told:?}");
+        }
+    }
+}

@@ -9,6 +9,7 @@ use super::program::{Engine, MapBlock, Mapper, ProgramCode, Summed};
 use super::sums::{Frame, Summer, Taps};
 use crate::backend::{
     Agreement, Backend, BackendError, Differentiable, Differentiator, Executable, Filtered, Rect,
+    Watch,
 };
 use crate::expr::tape::{Input, Side};
 use crate::plan::{Gradient, MapKernel, PairLoop, Plan, WindowPlan};
@@ -70,7 +71,16 @@ impl Differentiator for Interpreter {
 
 impl Executable for Interpreted {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
-        self.rates.run(&self.plan, &self.pair, scene, region)
+        self.run_watched(scene, region, &|_| {})
+    }
+
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &Watch<'_>,
+    ) -> Result<Vec<Filtered>, BackendError> {
+        self.rates.run(&self.plan, &self.pair, scene, region, watch)
     }
 }
 

@@ -9,6 +9,7 @@ use super::program::{self, Engine, MapBlock, Mapper, Summed};
 use super::sums::{Frame, Summer, Taps};
 use crate::backend::{
     Agreement, Backend, BackendError, Differentiable, Differentiator, Executable, Filtered, Rect,
+    Watch,
 };
 use crate::expr::feature::PlaneId;
 use crate::expr::tape::{Input, Instr, Prim, Side, Tape};
@@ -190,7 +191,16 @@ impl Differentiator for Jit {
 
 impl Executable for WindowCode {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
-        self.rates.run(&self.plan, &self.pair, scene, region)
+        self.run_watched(scene, region, &|_| {})
+    }
+
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &Watch<'_>,
+    ) -> Result<Vec<Filtered>, BackendError> {
+        self.rates.run(&self.plan, &self.pair, scene, region, watch)
     }
 }
 

@@ -9,7 +9,7 @@ use super::block::{Arg, BLOCK, LANES, Program, Slots};
 use super::sums::{Frame, Scratch, SumShape, Summer, Sums};
 use super::uniform::Changes;
 use crate::backend::{
-    BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, color_at, holds, inside,
+    BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, Watch, color_at, holds, inside,
 };
 use crate::expr::tape::{Axis, Input, Side};
 use crate::plan::{Tapes, WindowPlan};
@@ -71,6 +71,7 @@ impl Rates {
         summer: &S,
         scene: &Scene,
         region: &[Rect],
+        watch: &Watch<'_>,
     ) -> Result<Vec<Filtered>, BackendError> {
         holds(plan.facts(), scene)?;
         inside(scene, region)?;
@@ -94,6 +95,7 @@ impl Rates {
                         self.resolve(stretch, weight, shape, scratch.sums(), filtered);
                     }
                 }
+                watch(strip.height);
                 Ok(filtered)
             })
             .collect::<Result<_, BackendError>>()?;

@@ -19,7 +19,7 @@ use super::band::Band;
 use super::paper::per_tap;
 use super::rows::{Add, Double, Halve, Mean, Trust};
 use super::sums::{self, Frame, Owed, Summer, Sums};
-use crate::backend::{BackendError, Executable, Filtered, Rect, holds, inside};
+use crate::backend::{BackendError, Executable, Filtered, Rect, Watch, holds, inside};
 use crate::expr::Feature;
 use crate::expr::feature::PlaneId;
 use crate::expr::symbol::{Source, StagePlane};
@@ -334,6 +334,15 @@ where
     E::Gather: Send + Sync,
 {
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+        self.run_watched(scene, region, &|_| {})
+    }
+
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &Watch<'_>,
+    ) -> Result<Vec<Filtered>, BackendError> {
         self.accepts(scene)?;
         inside(scene, region)?;
         let threads = rayon::current_num_threads();
@@ -357,7 +366,7 @@ where
         let kept = parts
             .into_par_iter()
             .map_init(Scratch::<E>::default, |scratch, (rect, pixels)| {
-                self.strip(scene, rect, pixels, scratch)
+                self.strip(scene, rect, pixels, scratch, watch)
             })
             .collect::<Result<Vec<Vec<usize>>, BackendError>>()?;
         let stages = 0..self.program.filter.stages.len();
@@ -373,6 +382,7 @@ impl<E: Engine> ProgramCode<E> {
         rect: Rect,
         mut pixels: &mut [[f32; 3]],
         scratch: &mut Scratch<E>,
+        watch: &Watch<'_>,
     ) -> Result<Vec<usize>, BackendError> {
         let (layout, program) = (scene.layout(), &self.program);
         let height = layout.height();
@@ -407,6 +417,7 @@ impl<E: Engine> ProgramCode<E> {
             let (wave, rest) = pixels.split_at_mut((bottom - top) * rect.width);
             pixels = rest;
             self.take(&strip, Rect { y: top, height: bottom - top, ..rect }, wave);
+            watch(bottom - top);
         }
         Ok(strip.kept)
     }

@@ -9,7 +9,7 @@ use super::contest::{Contestant, Lap, Round, Runner};
 use crate::backend::{Backend, Exact, Filtered, Rect};
 use crate::cli::backend::{Lanes, Processor};
 use crate::cli::error::Error;
-use crate::denoise::Code;
+use crate::denoise::{Code, How};
 use crate::filter::Filter;
 use crate::image::Image;
 use crate::plan::{Passes, Precision};
@@ -126,7 +126,7 @@ impl Contestant for OnEngine {
         let start = Instant::now();
         let passes = Passes { precision: self.engine.precision, ..Passes::ALL };
         let scene = (round.scene.name(), &round.facts);
-        let code = Code::new(&self.filter, scene, &*self.engine.backend, passes)?;
+        let code = Code::new(&self.filter, scene, &*self.engine.backend, How::new(passes))?;
         if self.engine.lazy {
             let Rect { width, height, .. } = Rect::whole(&round.scene);
             let corner = Rect { x: 0, y: 0, width: width.min(8), height: height.min(8) };

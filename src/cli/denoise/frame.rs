@@ -66,8 +66,13 @@ impl Job<'_> {
         Ok(Loaded { frame, loading: start.elapsed() })
     }
 
-    pub(super) fn filter(&self, loaded: Loaded) -> Result<Filtered, Error> {
-        let denoised = self.denoiser.filter(loaded.frame)?;
+    /// Filters a frame; `watch` is told how many rows are done, and of how many.
+    pub(super) fn filter(
+        &self,
+        loaded: Loaded,
+        watch: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Filtered, Error> {
+        let denoised = self.denoiser.filter_watched(loaded.frame, watch)?;
         Ok(Filtered { denoised, loading: loaded.loading })
     }
 

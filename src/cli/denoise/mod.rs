@@ -197,7 +197,7 @@ impl Denoise {
             |_, loaded| {
                 let Some(loaded) = loaded else { return Ok(None) };
                 progress.step("filtering");
-                job.filter(loaded).map(Some)
+                job.filter(loaded, &|done, of| progress.rows(done, of)).map(Some)
             },
             |place, filtered| {
                 let frame = files.frame(place);
