@@ -7,7 +7,7 @@ use std::process::Command;
 
 use libloading::Library;
 use tamis::backend::{Rect, TRUSTED_SHARE, TRUSTED_SUM};
-use tamis::export::{self, Language};
+use tamis::export::{self, Language, Options};
 use tamis::expr::{PlaneId, Tree};
 use tamis::filter::Filter;
 use tamis::plan::{Precision, Run};
@@ -93,8 +93,9 @@ impl Source {
     pub(crate) fn new(weight: &Tree, radius: u32, precision: Precision) -> Self {
         // The name that the nest knows.
         let named = Filter::single("bench", weight.clone(), radius);
-        let kernel = export::export(&named, Language::C, precision).expect("one stage");
-        let text = String::from_utf8(kernel).expect("C is text");
+        let options = Options { precision, without: &[] };
+        let kernel = export::export(&named, Language::C, &options).expect("one stage");
+        let text = String::from_utf8(kernel.into_file()).expect("C is text");
         // A call, which compilers make of long functions, cannot be vectorised.
         let text = ["float", "struct bench_features"].iter().fold(text, |text, kind| {
             let inline = format!("static inline __attribute__((always_inline)) {kind} bench_");

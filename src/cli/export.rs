@@ -9,21 +9,25 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use super::backend::precisions;
 use super::error::Error;
 use super::resolve::resolve;
-use crate::export::{ExportError, Language, export};
+use crate::export::{Export as Exported, ExportError, Language, Options, export};
+use crate::expr::Feature;
 use crate::filter::Window;
 use crate::image::write_atomically;
 use crate::plan::Precision;
 
 const EXAMPLES: &str = "\
 Examples:
-  tamis export tamis-2 --lang c -o tamis_2.c
+  tamis export tamis --lang c -o tamis.c                    # and tamis.h
+  tamis export tamis --lang c --without depth -o tamis.c
   tamis export tamis-2 --lang hlsl --precision fast -o tamis_2.hlsl
   tamis export bilateral --lang spirv -o bilateral.spv
   tamis export out/best.toml --lang latex
   tamis export 'exp(-distance2(normal, normal) / 0.1)' --lang wgsl --radius 6
 
 The first lines of every export say what the weight looks at and in which units;
-those of shaders, also what to bind and dispatch. SPIR-V holds them as its source.";
+those of shaders, also what to bind and dispatch. SPIR-V holds them as its source.
+C of a program (a filter of several stages) is two files, FILE and beside it FILE with the
+ending `.h`; on stdout it is the code alone, which is complete.";
 
 /// Write a filter as code or equations to paste elsewhere.
 #[derive(Debug, Args)]
@@ -41,6 +45,11 @@ pub(super) struct Export {
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
 
+    /// Features that the renderer does not have: a program's code then has what stands in for
+    /// them
+    #[arg(long, value_name = "FEATURE,...", value_delimiter = ',', value_parser = features())]
+    without: Vec<Feature>,
+
     /// Window radius in pixels [default: the filter's own; 10 for expressions]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(..=i64::from(Window::MAX_RADIUS)))]
     radius: Option<u32>,
@@ -57,6 +66,17 @@ fn languages() -> impl TypedValueParser<Value = Language> {
         .map(|name| Language::named(&name).expect("the command line accepts no other name"))
 }
 
+/// Reads a feature that a file may lack by its name, and lists them all.
+fn features() -> impl TypedValueParser<Value = Feature> {
+    let stored = Feature::ALL.into_iter().filter(|&f| f.is_stored() && f != Feature::Color);
+    let listed = stored.map(|feature| {
+        let row = feature.row();
+        PossibleValue::new(row.term.unwrap_or(row.name)).alias(row.name).help(row.doc)
+    });
+    PossibleValuesParser::new(listed.collect::<Vec<_>>())
+        .map(|name| Feature::parse(&name).expect("the command line accepts no other name").0)
+}
+
 impl Export {
     pub(super) fn run(&self) -> Result<Vec<u8>, Error> {
         let name = self.lang.name();
@@ -67,16 +87,27 @@ impl Export {
             )));
         }
         let filter = resolve(&self.filter, self.radius)?;
-        let bytes = match export(&filter, self.lang, self.precision) {
+        let options = Options { precision: self.precision, without: &self.without };
+        let exported = match export(&filter, self.lang, &options) {
             Err(error @ ExportError::AlwaysExact { .. }) => Err(Error::Usage(error.to_string())),
             result => result.map_err(Error::Export),
         }?;
-        match &self.output {
-            Some(path) => {
-                write_atomically(path, &bytes)?;
-                Ok(Vec::new())
+        let Some(path) = &self.output else { return Ok(exported.into_file()) };
+        match exported {
+            Exported::Single(bytes) => write_atomically(path, &bytes)?,
+            Exported::WithHeader { code, header } => {
+                let beside = path.with_extension("h");
+                if beside == *path {
+                    return Err(Error::Usage(format!(
+                        "--output {}: the ending `.h` is for the header, which is written beside the \
+                         code; name a file that ends in `.c`",
+                        path.display()
+                    )));
+                }
+                write_atomically(&beside, &header)?;
+                write_atomically(path, &code)?;
             }
-            None => Ok(bytes),
         }
+        Ok(Vec::new())
     }
 }

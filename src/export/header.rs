@@ -5,9 +5,11 @@
 //! and off what `scene` says of its own scales.
 
 use super::Subject;
+use super::program::ProgramSubject;
 use super::term::Term;
 use crate::expr::builder::LIMIT;
-use crate::expr::feature::{Quantity, Unit};
+use crate::expr::feature::{Feature, Quantity, Unit};
+use crate::filter::StandIn;
 use crate::scene::{derive, normalize};
 
 /// Columns of a line, its comment marks not counted.
@@ -63,6 +65,67 @@ pub(super) fn lines(subject: &Subject<'_>, called: impl Fn(Term) -> String) -> V
     lines
 }
 
+/// The header of a program, likewise.
+pub(super) fn program_lines(
+    subject: &ProgramSubject<'_>,
+    called: impl Fn(Term) -> String,
+) -> Vec<String> {
+    let program = &subject.program;
+    let mut lines = vec![format!("Filter {:?}, exported by Tamis.", subject.name), String::new()];
+    let stages = match program.filter.stages.len() {
+        1 => "one stage".to_owned(),
+        stages => format!("{stages} stages"),
+    };
+    let whole = format!(
+        "A program of {stages}. A filtered pixel hangs on what lies up to {} pixels beside \
+         it. Colours are linear R, G, B.",
+        program.halo()
+    );
+    fill(&mut lines, 0, &whole);
+    let terms = Term::of_planes(&program.inputs);
+    let images: Vec<Term> = terms.iter().copied().filter(|term| term.is_image()).collect();
+    if !images.is_empty() {
+        lines.push(String::new());
+        let limit = format!("finite, within +-{LIMIT:e}, gradients and variances not negative");
+        let looks = format!("It looks at these numbers of pixels ({limit}):");
+        fill(&mut lines, 0, &looks);
+    }
+    for term in images {
+        lines.push(String::new());
+        lines.push(called(term));
+        let whole = if term.row().per_image { " One number for the whole image." } else { "" };
+        fill(&mut lines, 4, &format!("{}{whole}", described(term)));
+    }
+    let light = Term { feature: Feature::Color, quantity: Quantity::Value };
+    let with_light: Vec<Term> = terms.iter().copied().chain([light]).collect();
+    for definition in definitions(&with_light) {
+        lines.push(String::new());
+        fill(&mut lines, 0, definition);
+    }
+    for (feature, stand_in) in subject.optional() {
+        let what = match stand_in {
+            StandIn::Constant(x) => x.to_string(),
+            StandIn::Feature(other) => format!("`{}`", term_of(other)),
+        };
+        let name = term_of(feature);
+        lines.push(String::new());
+        let text = match subject.without.contains(&feature) {
+            true => format!("Absent: `{name}`. Instead of it, the code has {what}."),
+            false => format!(
+                "A renderer without `{name}` exports with `--without {name}`: then {what} stands \
+                 in for it."
+            ),
+        };
+        fill(&mut lines, 0, &text);
+    }
+    lines
+}
+
+/// What programs call a feature.
+fn term_of(feature: Feature) -> &'static str {
+    Term { feature, quantity: Quantity::Value }.in_programs()
+}
+
 /// What a term is, and how it is brought into its unit.
 fn described(term: Term) -> String {
     let row = term.row();
@@ -108,6 +171,7 @@ fn definitions(terms: &[Term]) -> impl Iterator<Item = &'static str> {
         (measured(&[Unit::Place, Unit::Length]), normalize::EXTENT),
         (measured(&[Unit::Light]), normalize::EXPOSURE),
         (estimated, derive::ESTIMATE),
+        (terms.iter().any(|term| term.feature == Feature::Grain), derive::GRAIN),
     ]
     .into_iter()
     .filter_map(|(told, definition)| told.then_some(definition))

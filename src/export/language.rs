@@ -74,7 +74,7 @@ impl Language {
             Self::C => Row {
                 name: "c",
                 ending: "c",
-                doc: "C99: weight function and kernel, the interpreter's bits",
+                doc: "C99: all that a filter computes, the interpreter's bits",
             },
             Self::Latex => Row {
                 name: "latex",

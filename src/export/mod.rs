@@ -1,22 +1,23 @@
 //! Floor 7: filters as text that others can paste into their renderer or their
 //! paper.
 //!
-//! A filter is exported as its weight function and a complete kernel around it,
-//! Equation 1 with its window and its guard, in the language asked for; in a
-//! typesetting language, as the equations.
+//! A filter of a single weight is exported as its weight function and a complete kernel
+//! around it, Equation 1 with its window and its guard, in the language asked for; a
+//! program in C as the kernels of its schedule and what runs them; in a typesetting language,
+//! both as equations.
 //!
 //! What it promises:
 //! - An export is right for every image: nothing is assumed of the features but
-//!   what [`Facts::of_any_scene`] says, and what must be supplied, in which
-//!   units, stands in the text's first lines.
-//! - Code comes from the tape that the back ends run, and sums in the order that
+//!   what [`crate::scene::Facts::of_any_scene`] says (and of programs, which features are absent), and
+//!   what must be supplied, in which units, stands in the text's first lines.
+//! - Code comes from the tapes that the back ends run, and sums in the order that
 //!   [`crate::backend`] states. Languages that round as `f32` does give the bits
 //!   of the interpreter on the same plan.
-//! - Shaders are the kernel that the GPU back end runs, and validated before they
+//! - Shaders are the kernels that the GPU back end runs, and validated before they
 //!   are written.
 //! - Whatever the filter is called, the text is well formed.
 //!
-//! What it does not know: files. Whoever asks gets bytes.
+//! What it does not know: files. Whoever asks gets bytes, and what goes beside them.
 //!
 //! Adding a language is adding a variant to [`Language`] or [`Shading`] and what
 //! the compiler then asks for: its row, and its writer.
@@ -26,6 +27,8 @@ mod header;
 mod identifier;
 mod language;
 mod latex;
+mod names;
+mod program;
 #[cfg(feature = "gpu")]
 mod shading;
 mod term;
@@ -37,21 +40,39 @@ use crate::expr::tree::Tree;
 use crate::filter::{Filter, Gather};
 use crate::plan::Precision;
 use crate::plan::{Passes, PlanError, WindowPlan};
-use crate::scene::Facts;
 
 /// Why a filter cannot be exported.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ExportError {
-    /// A filter of a later version's kind.
+    /// It is a program, where a single weight is asked for.
     #[error(
-        "filter `{filter}` has {stages} stages or stand-ins for features; only filters of one \
-         gather of the colour are exported"
+        "filter `{filter}` is a program of {stages} stages, and no single weight over the noisy \
+         colour; export the program as it is, or choose a filter of one weight such as `tamis-2`"
     )]
     Stages {
         /// The filter's name.
         filter: String,
         /// How many it has.
         stages: usize,
+    },
+    /// It makes no sense.
+    #[error("filter `{filter}` cannot be exported: {reason}")]
+    Filter {
+        /// The filter's name.
+        filter: String,
+        /// Why not.
+        reason: String,
+    },
+    /// Nothing stands in for a feature that the renderer is said to lack.
+    #[error(
+        "filter `{filter}` reads `{term}` and names nothing that stands in for it; supply it, \
+         or choose another filter (`tamis filters` says what each reads)"
+    )]
+    Required {
+        /// The filter's name.
+        filter: String,
+        /// What is lacking.
+        term: String,
     },
     /// Its weight is no number, or its window too large.
     #[error("filter `{filter}` cannot be exported: {source}")]
@@ -62,7 +83,7 @@ pub enum ExportError {
         source: PlanError,
     },
     /// There is nothing to choose.
-    #[error("`{language}` says what a filter means; only code takes `--precision fast`")]
+    #[error("`{language}` says what a filter means exactly; only code takes `--precision fast`")]
     AlwaysExact {
         /// The language.
         language: &'static str,
@@ -104,58 +125,119 @@ struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    fn of(filter: &'a Filter, precision: Precision) -> Result<Self, ExportError> {
+    fn of(filter: &'a Filter, options: &Options<'_>) -> Result<Self, ExportError> {
         let name = filter.name.as_str();
         let Some(Gather { weight, window, .. }) = filter.paper() else {
             let stages = filter.stages.len();
             return Err(ExportError::Stages { filter: name.to_owned(), stages });
         };
         // In one piece: a compiler moves what does not depend on the pair itself.
+        let precision = options.precision;
         let passes = Passes { hoist: false, symmetry: false, precision, ..Passes::ALL };
-        let plan =
-            WindowPlan::new(std::slice::from_ref(weight), *window, &Facts::of_any_scene(), passes)
-                .map_err(|source| ExportError::Plan { filter: name.to_owned(), source })?;
+        let facts = program::facts(options.without);
+        let plan = WindowPlan::new(std::slice::from_ref(weight), *window, &facts, passes);
+        let plan = plan.map_err(|source| {
+            let filter = name.to_owned();
+            match source {
+                PlanError::Missing { term, .. } => ExportError::Required { filter, term },
+                source => ExportError::Plan { filter, source },
+            }
+        })?;
         Ok(Self { name, identifier: identifier::of(name), weight, plan })
     }
 }
 
-/// The images that a filter's exported kernel takes beside the noisy colour. Code
+/// How a filter is exported.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options<'a> {
+    /// How accurate code is.
+    pub precision: Precision,
+    /// Features that the renderer does not have: what stands in for them is in the code. Only
+    /// programs name such.
+    pub without: &'a [Feature],
+}
+
+/// What an export is made of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Export {
+    /// One text, in UTF-8, or one binary.
+    Single(Vec<u8>),
+    /// C of a program, and the header for whoever calls it. The code is complete without it.
+    WithHeader {
+        /// The code.
+        code: Vec<u8>,
+        /// Its declarations.
+        header: Vec<u8>,
+    },
+}
+
+impl Export {
+    /// What is complete as one file.
+    pub fn into_file(self) -> Vec<u8> {
+        match self {
+            Self::Single(text) | Self::WithHeader { code: text, .. } => text,
+        }
+    }
+}
+
+/// The images that the exported kernel of a single weight takes beside the noisy colour. Code
 /// calls them by [`Feature::identifier`].
 ///
 /// # Errors
-/// If the filter cannot be exported.
+/// If the filter is a program or cannot be exported.
 pub fn images(filter: &Filter) -> Result<Vec<(Feature, Quantity)>, ExportError> {
-    let subject = Subject::of(filter, Precision::Standard)?;
+    let subject = Subject::of(filter, &Options::default())?;
     let terms = term::Term::of(&subject.plan).into_iter().filter(|term| term.is_image());
     Ok(terms.map(|term| (term.feature, term.quantity)).collect())
 }
 
-/// Exports a filter. The result is text in UTF-8 unless the language is binary.
-/// Only code can be less than exact.
+/// Exports a filter. Only code can be less than exact.
 ///
 /// # Errors
-/// If the filter has several stages, or no plan can be made of it, or the language
-/// is not to be had like that.
+/// If no plan can be made of the filter, or the language is not to be had like that.
 pub fn export(
     filter: &Filter,
     language: Language,
+    options: &Options<'_>,
+) -> Result<Export, ExportError> {
+    if filter.paper().is_some() {
+        return weight(&Subject::of(filter, options)?, language, options.precision);
+    }
+    let subject = program::ProgramSubject::of(filter, options.precision, options.without)?;
+    match language {
+        Language::C => {
+            let c::program::Text { code, header } = c::program::text(&subject);
+            Ok(Export::WithHeader { code: code.into_bytes(), header: header.into_bytes() })
+        }
+        Language::Latex | Language::Shading(_) => {
+            let (filter, stages) = (filter.name.clone(), filter.stages.len());
+            Err(ExportError::Stages { filter, stages })
+        }
+    }
+}
+
+fn weight(
+    subject: &Subject<'_>,
+    language: Language,
     precision: Precision,
-) -> Result<Vec<u8>, ExportError> {
-    let subject = Subject::of(filter, precision)?;
-    match (language, precision) {
-        (Language::C, _) => Ok(c::text(&subject).into_bytes()),
-        (Language::Latex, Precision::Standard) => Ok(latex::text(&subject).into_bytes()),
+) -> Result<Export, ExportError> {
+    let bytes = match (language, precision) {
+        (Language::C, _) => c::text(subject).into_bytes(),
+        (Language::Latex, Precision::Standard) => latex::text(subject).into_bytes(),
         (Language::Latex, Precision::Fast) => {
-            Err(ExportError::AlwaysExact { language: language.name() })
+            return Err(ExportError::AlwaysExact { language: language.name() });
         }
         #[cfg(feature = "gpu")]
-        (Language::Shading(shading), precision) => shading::bytes(&subject, shading, precision)
+        (Language::Shading(shading), precision) => shading::bytes(subject, shading, precision)
             .map_err(|reason| ExportError::Refused {
-                filter: filter.name.clone(),
+                filter: subject.name.to_owned(),
                 language: language.name(),
                 reason,
-            }),
+            })?,
         #[cfg(not(feature = "gpu"))]
-        (Language::Shading(_), _) => Err(ExportError::WithoutGpu { language: language.name() }),
-    }
+        (Language::Shading(_), _) => {
+            return Err(ExportError::WithoutGpu { language: language.name() });
+        }
+    };
+    Ok(Export::Single(bytes))
 }

@@ -1,5 +1,7 @@
 //! What a weight looks at of a pixel, as exports name it.
 
+use std::collections::BTreeSet;
+
 use crate::expr::feature::{Feature, FeatureRow, PlaneId, Quantity};
 use crate::plan::WindowPlan;
 
@@ -13,7 +15,11 @@ pub(super) struct Term {
 impl Term {
     /// The terms that a plan reads, in the table's order.
     pub(super) fn of(plan: &WindowPlan) -> Vec<Self> {
-        let planes = plan.planes();
+        Self::of_planes(&plan.planes())
+    }
+
+    /// The terms of planes, in the table's order.
+    pub(super) fn of_planes(planes: &BTreeSet<PlaneId>) -> Vec<Self> {
         let read = |&(feature, quantity): &(Feature, Quantity)| {
             planes.iter().any(|plane| (plane.feature, plane.quantity) == (feature, quantity))
         };
@@ -24,6 +30,12 @@ impl Term {
     /// The term of a plane.
     pub(super) fn of_plane(plane: PlaneId) -> Self {
         Self { feature: plane.feature, quantity: plane.quantity }
+    }
+
+    /// How programs spell it.
+    pub(super) fn in_programs(self) -> &'static str {
+        let term = self.row().term.filter(|_| self.quantity == Quantity::Value);
+        term.unwrap_or_else(|| self.spelling())
     }
 
     /// How expressions spell it.

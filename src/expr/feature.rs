@@ -58,6 +58,8 @@ pub struct FeatureRow {
     /// What its components lie in by what they are: a surface reflects a share of the
     /// light, a direction has a length of 1. The loader brings values into these bounds.
     pub bounds: Option<[f32; 2]>,
+    /// Whether it is one number for the whole image.
+    pub per_image: bool,
     /// What people call it.
     pub title: &'static str,
     /// One line for people.
@@ -95,6 +97,7 @@ const NOT_STORED: FeatureRow = FeatureRow {
     unit: Unit::Own,
     signed: false,
     bounds: None,
+    per_image: false,
     title: "",
     doc: "",
 };
@@ -112,6 +115,7 @@ features! {
         unit: Unit::Place,
         signed: true,
         bounds: None,
+        per_image: false,
         title: "positions",
         doc: "world-space position of the first hit, relative to the visible geometry's extent",
     }
@@ -127,6 +131,7 @@ features! {
         unit: Unit::Own,
         signed: true,
         bounds: Some([-1.0, 1.0]),
+        per_image: false,
         title: "normals",
         doc: "shading normal at the first hit",
     }
@@ -142,6 +147,7 @@ features! {
         unit: Unit::Own,
         signed: false,
         bounds: Some([0.0, 1.0]),
+        per_image: false,
         title: "albedo",
         doc: "diffuse albedo at the first hit",
     }
@@ -157,6 +163,7 @@ features! {
         unit: Unit::Own,
         signed: false,
         bounds: Some([0.0, 1.0]),
+        per_image: false,
         title: "reflected albedo",
         doc: "diffuse albedo seen through glossy or specular reflection",
     }
@@ -172,6 +179,7 @@ features! {
         unit: Unit::Length,
         signed: false,
         bounds: None,
+        per_image: false,
         title: "depth",
         doc: "distance to the first hit, relative to the visible geometry's extent",
     }
@@ -187,6 +195,7 @@ features! {
         unit: Unit::Light,
         signed: false,
         bounds: None,
+        per_image: false,
         title: "direct light",
         doc: "direct illumination at the first hit, relative to the image's exposure",
     }
@@ -202,6 +211,7 @@ features! {
         unit: Unit::Light,
         signed: false,
         bounds: None,
+        per_image: false,
         title: "colour",
         doc: "the noisy colour, relative to the image's exposure",
     }
@@ -216,6 +226,7 @@ features! {
     /// Whether the colour's variance was measured: the same for all pixels of an image.
     Measured {
         name: "measured",
+        per_image: true,
         title: "whether variances were measured",
         doc: "1 where the file holds the colour's variance, 0 where it is estimated from the image",
         ..NOT_STORED
@@ -223,6 +234,7 @@ features! {
     /// Samples per pixel: the same for all pixels of an image.
     Samples {
         name: "samples",
+        per_image: true,
         title: "samples per pixel",
         doc: "samples per pixel, at most 65536; 0 where nobody says how many",
         ..NOT_STORED
@@ -240,6 +252,7 @@ features! {
     /// How noisy the image is as a whole: the same for all of its pixels.
     Grain {
         name: "grain",
+        per_image: true,
         width: 2,
         title: "grain",
         doc: "lower quartile and median, over squares of 16 pixels, of the colour's estimated \

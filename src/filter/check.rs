@@ -7,7 +7,7 @@ use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::expr::symbol::{Place, Symbol};
 use crate::expr::tape::Side;
-use crate::expr::text::{Declared, is_free};
+use crate::expr::text::{Declared, Reads, Scope, is_free};
 use crate::expr::tree::Tree;
 use crate::scene::{Fact, Facts, Needs};
 
@@ -217,6 +217,12 @@ impl<'a> Checked<'a> {
     /// The stages as later ones see them.
     pub fn stages(&self) -> &[Declared] {
         &self.stages
+    }
+
+    /// The names that a formula of a stage may use.
+    pub fn scope(&self, stage: usize, reads: Reads) -> Scope<'_> {
+        let constants = Some(&self.filter.constants);
+        Scope { reads, stages: &self.stages[..stage], later: &[], constants }
     }
 
     /// What the next stage is, if it makes sense after these.

@@ -368,9 +368,7 @@ pub(super) fn term(feature: Feature) -> &'static str {
 
 /// A formula of stage number `k`.
 pub(super) fn formula(checked: &Checked<'_>, k: usize, tree: &Tree, reads: Reads) -> String {
-    let stages = &checked.stages()[..k];
-    let constants = Some(&checked.filter().constants);
-    print_formula(tree, &Scope { reads, stages, later: &[], constants })
+    print_formula(tree, &checked.scope(k, reads))
 }
 
 fn stage_text(checked: &Checked<'_>, k: usize) -> StageText {

@@ -31,7 +31,7 @@ use crate::expr::tree::Tree;
 
 pub use check::{Checked, FilterError, Resolved};
 pub use file::FilterFileError;
-pub use show::show;
+pub use show::{reads, show, stages};
 
 /// The neighbourhood of a pixel: (2 radius + 1)² taps, `dilation` pixels apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -146,6 +146,19 @@ pub struct Stage {
     pub kind: StageKind,
     /// Where it does so.
     pub grid: Grid,
+}
+
+impl Stage {
+    /// Its formulas.
+    pub fn trees(&self) -> impl Iterator<Item = &Tree> {
+        let [value, weight, variance] = match &self.kind {
+            StageKind::Map(value) => [Some(value), None, None],
+            StageKind::Gather(gather) => {
+                [Some(&gather.of), Some(&gather.weight), gather.variance.as_ref()]
+            }
+        };
+        [value, weight, variance].into_iter().flatten()
+    }
 }
 
 /// What stands in for a feature that a file lacks.

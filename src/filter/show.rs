@@ -27,7 +27,15 @@ pub fn show(checked: &Checked<'_>) -> String {
         };
         let _ = writeln!(text, "  {}: {doc}{stand_in}", super::file::term(feature));
     }
-    let _ = writeln!(text, "\nstages");
+    let _ = write!(text, "\nstages\n{}", stages(checked));
+    constants(&mut text, filter);
+    text
+}
+
+/// What a filter computes, a stage after another.
+pub fn stages(checked: &Checked<'_>) -> String {
+    let filter = checked.filter();
+    let mut text = String::new();
     for (k, stage) in filter.stages.iter().enumerate() {
         match &stage.kind {
             StageKind::Map(value) => {
@@ -59,12 +67,11 @@ pub fn show(checked: &Checked<'_>) -> String {
             }
         }
     }
-    constants(&mut text, filter);
     text
 }
 
 /// The features that a filter reads, with what stands in for each.
-fn reads(checked: &Checked<'_>) -> Vec<(Feature, Option<StandIn>)> {
+pub fn reads(checked: &Checked<'_>) -> Vec<(Feature, Option<StandIn>)> {
     let needs = checked.needs();
     let mut features: Vec<Feature> =
         needs.named().into_iter().flatten().map(|plane| plane.feature).collect();

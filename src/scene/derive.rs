@@ -78,6 +78,11 @@ const SQUARE: usize = 16;
 /// what is black is not infinitely large.
 const BLACK: f64 = 0.02;
 
+/// What [`grain`] computes, for those who must compute it themselves.
+pub const GRAIN: &str = "Grain, where variances are estimated: for every square of 16 x 16 pixels, \
+     the mean of the colour's variance over the square of (the mean colour, at least 0, + 0.02), \
+     both in units of the exposure; of those that are not 0, the lower quartile and the median.";
+
 /// How noisy an image is as a whole, from its colour (in units of the exposure) alone: the
 /// mean of [`estimate_variance`] over a square of 16x16 pixels, relative to the square of its
 /// mean colour; the lower quartile and the median over all squares that vary at all. Texture

@@ -28,7 +28,21 @@ fn exports_go_to_stdout_or_whole_into_a_file() {
     let equations = place.done(&["export", "kan2017", "--lang", "latex"]);
     assert!(equations.contains("\\begin{equation}"), "{equations}");
 
-    place.fails(1, &["export", "2.toml", "--lang", "c"], &["`twice`", "2 stages"]);
+    // A program is code and a header.
+    let code = place.done(&["export", "2.toml", "--lang", "c"]);
+    assert!(code.contains("int twice_filter(") && code.contains("size_t twice_scratch("), "{code}");
+    place.done(&["export", "2.toml", "--lang", "c", "-o", "twice.c"]);
+    assert_eq!(place.bytes("twice.c"), code.into_bytes());
+    let header = String::from_utf8(place.bytes("twice.h")).expect("C is text");
+    assert!(header.contains("struct twice_inputs {") && !header.contains("#include <math.h>"));
+    place.fails(2, &["export", "2.toml", "--lang", "c", "-o", "twice.h"], &["twice.h", ".c`"]);
+    let without = ["export", "tamis", "--lang", "c", "--without", "depth,normal"];
+    let code = place.done(&without);
+    assert!(code.contains("Absent: `depth`"), "{code}");
+    place.fails(2, &["export", "tamis", "--lang", "c", "--without", "color"], &["color", "albedo"]);
+    let required = ["export", "1.toml", "--lang", "c", "--without", "normal"];
+    place.fails(1, &required, &["`edge*/aware`", "normal", "stands in"]);
+
     place.fails(1, &["export", "missing.toml", "--lang", "c"], &["missing.toml"]);
     place.fails(1, &["export", "1.toml", "--lang", "c", "-o", "no/such.c"], &["no/such.c"]);
     place.fails(2, &["export", "1.toml", "--lang", "fortran"], &["fortran", "latex"]);

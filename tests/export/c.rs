@@ -42,7 +42,7 @@ fn plan(filter: &Filter, precision: Precision) -> WindowPlan {
 
 /// The machine's C compiler, without which nothing here could have been linked.
 /// Whatever it warns of is an error.
-fn compiler(folder: &Path) -> Command {
+pub(crate) fn compiler(folder: &Path) -> Command {
     let mut command = Command::new("cc");
     command.current_dir(folder);
     command.args(["-std=c99", "-O2", "-ffp-contract=off"]);
@@ -54,7 +54,7 @@ fn compiler(folder: &Path) -> Command {
     command
 }
 
-fn succeed(mut command: Command) -> Vec<u8> {
+pub(crate) fn succeed(mut command: Command) -> Vec<u8> {
     let output = command
         .output()
         .unwrap_or_else(|error| panic!("{command:?} cannot be run: {error}; install a C compiler"));
@@ -64,7 +64,7 @@ fn succeed(mut command: Command) -> Vec<u8> {
 }
 
 /// The numbers that a program reads and writes.
-fn bytes(numbers: impl IntoIterator<Item = f32>) -> Vec<u8> {
+pub(crate) fn bytes(numbers: impl IntoIterator<Item = f32>) -> Vec<u8> {
     numbers.into_iter().flat_map(f32::to_ne_bytes).collect()
 }
 
@@ -149,7 +149,7 @@ CALLS    return 0;
 
 /// The noisy colour, then three images for every term, those that a term lacks
 /// left blank.
-fn supply(scene: &Scene) -> Vec<u8> {
+pub(crate) fn supply(scene: &Scene) -> Vec<u8> {
     let blank = || image(scene, |_, _| f32::NAN);
     let mut file = Vec::new();
     for channel in scene.color() {

@@ -1,6 +1,6 @@
 //! What holds of exports in every language.
 
-use tamis::export::{ExportError, Language, Shading, export};
+use tamis::export::{ExportError, Language, Options, Shading, export};
 use tamis::expr::{Feature, PlaneId, Quantity};
 use tamis::filter::Filter;
 use tamis::plan::Precision;
@@ -11,7 +11,7 @@ use crate::{bytes, known_and_shipped, text};
 pub(crate) const CASES: &[(&str, fn())] = &[
     ("every::named_filters_are_written_as_they_were", named_filters_are_written_as_they_were),
     ("every::names_reach_comments_alone", names_reach_comments_alone),
-    ("every::several_stages_are_refused", several_stages_are_refused),
+    ("every::what_makes_no_sense_is_refused", what_makes_no_sense_is_refused),
     ("every::only_code_is_less_than_exact", only_code),
     ("every::every_term_is_explained", every_term_is_explained),
     #[cfg(not(feature = "gpu"))]
@@ -91,30 +91,30 @@ fn names_reach_comments_alone() {
     }
 }
 
-fn several_stages_are_refused() {
-    let mut filter = Filter::single("twice", parse("1"), 2);
-    filter.stages.push(filter.stages[0].clone());
-    for language in Language::ALL {
-        let error = export(&filter, language, Precision::Standard).expect_err("two stages");
-        assert_eq!(error, ExportError::Stages { filter: "twice".to_owned(), stages: 2 });
-    }
-    filter.stages.truncate(1);
+fn what_makes_no_sense_is_refused() {
+    let mut filter = Filter::single("wide", parse("1"), 2);
     filter.gathers_mut().next().expect("one gather").window.radius = 1000;
-    let refused = export(&filter, Language::C, Precision::Standard);
+    let refused = export(&filter, Language::C, &Options::default());
     assert!(matches!(refused, Err(ExportError::Plan { .. })));
+    // A program whose last stage is no colour.
+    filter = Filter::single("twice", parse("1"), 2);
+    filter.stages.push(filter.stages[0].clone());
+    let refused = export(&filter, Language::C, &Options::default());
+    assert!(matches!(refused, Err(ExportError::Filter { .. })));
 }
 
 fn only_code() {
     let filter = Filter::single("fast", parse("exp(-distance2(normal, normal))"), 2);
     for language in languages() {
-        let result = export(&filter, language, Precision::Fast);
+        let fast = Options { precision: Precision::Fast, without: &[] };
+        let result = export(&filter, language, &fast);
         match language {
             Language::Latex => {
                 let error = result.expect_err("there is nothing to choose");
                 assert_eq!(error, ExportError::AlwaysExact { language: language.name() });
             }
             Language::C | Language::Shading(_) => {
-                assert_ne!(result, export(&filter, language, Precision::Standard));
+                assert_ne!(result, export(&filter, language, &Options::default()));
             }
         }
     }
@@ -153,7 +153,7 @@ fn every_term_is_explained() {
 #[cfg(not(feature = "gpu"))]
 fn shading_languages_want_the_feature() {
     for language in Language::ALL {
-        let result = export(&known_and_shipped()[0], language, Precision::Standard);
+        let result = export(&known_and_shipped()[0], language, &Options::default());
         match language {
             Language::C | Language::Latex => assert!(result.is_ok()),
             Language::Shading(_) => {

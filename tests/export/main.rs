@@ -9,8 +9,11 @@ mod c;
 mod every;
 #[path = "../fixture/mod.rs"]
 mod fixture;
+#[path = "../fixture/programs.rs"]
+mod fixture_programs;
 #[path = "../harness/mod.rs"]
 mod harness;
+mod programs;
 #[cfg(feature = "gpu")]
 mod shading;
 
@@ -18,7 +21,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Trial};
-use tamis::export::{Language, export};
+use tamis::export::{Language, Options, export};
 use tamis::expr::codebook;
 use tamis::filter::{Filter, Window};
 use tamis::plan::Precision;
@@ -26,7 +29,7 @@ use tamis::plan::Precision;
 use harness::trial;
 
 fn main() -> ExitCode {
-    let cases = c::CASES.iter().chain(every::CASES);
+    let cases = c::CASES.iter().chain(programs::CASES).chain(every::CASES);
     #[cfg(feature = "gpu")]
     let cases = cases.chain(shading::CASES);
     let trials = cases.map(|&(name, check)| trial(name.to_owned(), false, check));
@@ -36,9 +39,15 @@ fn main() -> ExitCode {
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
 }
 
-/// An export.
+/// An export that is one file.
+fn exported(filter: &Filter, language: Language, options: &Options<'_>) -> Vec<u8> {
+    let exported = export(filter, language, options).unwrap_or_else(|error| panic!("{error}"));
+    exported.into_file()
+}
+
+/// The same for renderers that have all features.
 fn bytes(filter: &Filter, language: Language, precision: Precision) -> Vec<u8> {
-    export(filter, language, precision).unwrap_or_else(|error| panic!("{error}"))
+    exported(filter, language, &Options { precision, without: &[] })
 }
 
 /// An exact export in a language that is text.

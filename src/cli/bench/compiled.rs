@@ -17,11 +17,10 @@ use super::contest::{Contestant, Lap, Round, Runner};
 use super::program;
 use crate::cli::apply::needs;
 use crate::cli::error::Error;
-use crate::export::{self, Language};
+use crate::export::{self, Language, Options};
 use crate::expr::{Feature, PlaneId, Quantity};
 use crate::filter::Filter;
 use crate::image::Image;
-use crate::plan::Precision;
 use crate::scene::Samples;
 
 const DRIVER: &str = include_str!("driver.c");
@@ -44,8 +43,9 @@ impl Compiled {
     pub(super) fn new(filter: &Filter, compiler: &Path, threads: usize) -> Result<Self, Error> {
         // The name that the driver knows.
         let named = Filter { name: "bench".to_owned(), ..filter.clone() };
-        let kernel = export::export(&named, Language::C, Precision::Standard)?;
         let images = export::images(&named)?;
+        let kernel = export::export(&named, Language::C, &Options::default())?;
+        let kernel = kernel.into_file();
         let mut assignments = String::new();
         let mut assign = |place: &str| {
             let _ = writeln!(assignments, "images.{place} = image;\n        image += pixels;");

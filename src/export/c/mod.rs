@@ -10,6 +10,7 @@
 //! file. The text is also C++.
 
 mod kernel;
+pub(super) mod program;
 mod weight;
 
 use std::fmt::Write;

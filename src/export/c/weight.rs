@@ -118,7 +118,7 @@ pub(super) fn constant(x: f32) -> String {
 }
 
 /// A primitive applied to operands, each a name or a constant.
-fn expression(name: &str, prim: Prim, [a, b, c, d]: [&str; 4]) -> String {
+pub(super) fn expression(name: &str, prim: Prim, [a, b, c, d]: [&str; 4]) -> String {
     match prim {
         Prim::Neg => format!("-({a})"),
         Prim::Abs => format!("fabsf({a})"),
@@ -139,7 +139,7 @@ fn expression(name: &str, prim: Prim, [a, b, c, d]: [&str; 4]) -> String {
 }
 
 /// The primitives that look at a number's bits.
-const BIT_TRICKS: &[(Prim, &str)] =
+pub(super) const BIT_TRICKS: &[(Prim, &str)] =
     &[(Prim::Exp2i, EXP2I), (Prim::Exponent, EXPONENT), (Prim::Fraction, FRACTION)];
 
 /// [`EXP2I_MAGIC`], as the text says it.

@@ -1,0 +1,24 @@
+{# A value at every pixel. -#}
+/* {{ doc }} */
+static void {{ function }}(const struct {{ name }}_run *run)
+{
+    const int *const size = run->{{ size }};
+{%- for pointer in pointers %}
+    {{ pointer }};
+{%- endfor %}
+    {{ upper }}_ROWS
+    for (int y = 0; y < size[1]; ++y) {
+        for (int x = 0; x < size[0]; ++x) {
+            const size_t i = (size_t)y * (size_t)size[0] + (size_t)x;
+{%- for line in reads %}
+            {{ line }}
+{%- endfor %}
+{%- for line in lines %}
+            {{ line }}
+{%- endfor %}
+{%- for (to, value) in writes %}
+            {{ to }}[i] = {{ value }} + 0.0f;
+{%- endfor %}
+        }
+    }
+}
