@@ -209,7 +209,11 @@ pub fn export(
             let c::program::Text { code, header } = c::program::text(&subject);
             Ok(Export::WithHeader { code: code.into_bytes(), header: header.into_bytes() })
         }
-        Language::Latex | Language::Shading(_) => {
+        Language::Latex if options.precision == Precision::Fast => {
+            Err(ExportError::AlwaysExact { language: language.name() })
+        }
+        Language::Latex => Ok(Export::Single(latex::program(&subject).into_bytes())),
+        Language::Shading(_) => {
             let (filter, stages) = (filter.name.clone(), filter.stages.len());
             Err(ExportError::Stages { filter, stages })
         }

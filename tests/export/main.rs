@@ -13,6 +13,7 @@ mod fixture;
 mod fixture_programs;
 #[path = "../harness/mod.rs"]
 mod harness;
+mod latex;
 mod programs;
 #[cfg(feature = "gpu")]
 mod shading;
@@ -29,13 +30,13 @@ use tamis::plan::Precision;
 use harness::trial;
 
 fn main() -> ExitCode {
-    let cases = c::CASES.iter().chain(programs::CASES).chain(every::CASES);
+    let cases = c::CASES.iter().chain(programs::CASES).chain(latex::CASES).chain(every::CASES);
     #[cfg(feature = "gpu")]
     let cases = cases.chain(shading::CASES);
     let trials = cases.map(|&(name, check)| trial(name.to_owned(), false, check));
     #[cfg(feature = "gpu")]
     let trials = trials.chain(shading::compiled());
-    let trials: Vec<Trial> = trials.collect();
+    let trials: Vec<Trial> = trials.chain(latex::typeset()).collect();
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
 }
 

@@ -5,38 +5,35 @@
 //! a power needs them unless it is a single thing; and one that stands open, as
 //! in `#1 + #2`, needs them where it binds weaker than the operator around it.
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::f32::consts;
 
 use crate::expr::op::{Op, Sort, Syntax};
-use crate::expr::symbol::Symbol;
+use crate::expr::symbol::{Place, Symbol, Variadic};
+use crate::expr::tape::Side;
 use crate::expr::tree::Tree;
 
-use super::print::{operands, starts};
-use super::scope::Scope;
-
-/// What callers see to.
-const PAPER_ALONE: &str = "expressions of the paper's grammar alone are typeset";
+use super::print::{operands_of, starts};
+use super::scope::{Reads, Scope};
 
 /// The expression in LaTeX's mathematical mode. A vector carries the pixel that
 /// it is read at as its index, as in the paper.
-///
-/// # Panics
-/// If the expression is not one of the paper's grammar: see [`Tree::is_paper`].
 pub fn latex(tree: &Tree) -> String {
-    typeset(tree, &starts(tree), tree.root(), Around::Enclosed)
+    Typesetter::new(tree, Scope::PAPER).text(tree.root(), Around::Enclosed)
 }
 
 /// The factors of a product in order, each with the parentheses that it needs
 /// beside a `\cdot`, for products that are set on several lines. What is no
 /// product is one factor.
 pub fn latex_factors(tree: &Tree) -> Vec<String> {
-    let starts = starts(tree);
+    let typesetter = Typesetter::new(tree, Scope::PAPER);
     let Syntax::Infix(strength) = Op::Mul.row().syntax else { return vec![latex(tree)] };
     let mut factors = Vec::new();
     let mut left = vec![tree.root()];
     while let Some(position) = left.pop() {
         if tree.symbols()[position] == Symbol::Op(Op::Mul) {
-            left.extend(operands(Op::Mul, position, &starts).into_iter().rev());
+            left.extend(typesetter.operands(position).into_iter().rev());
             continue;
         }
         let around = match (factors.is_empty(), left.is_empty()) {
@@ -44,56 +41,221 @@ pub fn latex_factors(tree: &Tree) -> Vec<String> {
             (true, false) => Around::Left(strength),
             (false, _) => Around::Right(strength),
         };
-        factors.push(typeset(tree, &starts, position, around));
+        factors.push(typesetter.text(position, around));
     }
     factors
 }
 
-fn typeset(tree: &Tree, starts: &[usize], root: usize, around: Around) -> String {
-    let mut text = String::new();
-    let mut pieces = vec![Piece::Subtree(root, around, "")];
-    while let Some(piece) = pieces.pop() {
-        let (position, around, index) = match piece {
-            Piece::Text(piece) => {
-                text.push_str(piece);
+/// A formula of a program, typeset.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Formula {
+    /// The formula; of a long sum line by line, each but the first with a sign before it.
+    pub lines: Vec<String>,
+    /// Long sums inside of it: what stands there for them, and their lines likewise.
+    pub sums: Vec<(String, Vec<String>)>,
+}
+
+/// A formula of a program in mathematical mode. Long sums are set apart: they stand in
+/// exponents and under roots, where no line can be broken. What is read carries its pixel as
+/// its index, but for a map's own one. The sums are called E, with numbers behind `first`.
+pub fn latex_formula(tree: &Tree, scope: &Scope<'_>, first: usize) -> Formula {
+    let mut typesetter = Typesetter::new(tree, *scope);
+    let sums = typesetter.long_sums();
+    let mut set_apart = Vec::with_capacity(sums.len());
+    for (k, &position) in sums.iter().enumerate().filter(|(_, position)| **position != tree.root())
+    {
+        let name = format!("E_{{{}}}", first + k + 1);
+        set_apart.push((position, name.clone(), typesetter.lines(position)));
+    }
+    for (position, name, _) in &set_apart {
+        typesetter.replaced.insert(*position, name.clone());
+    }
+    let lines = match sums.contains(&tree.root()) {
+        true => typesetter.lines(tree.root()),
+        false => vec![typesetter.text(tree.root(), Around::Enclosed)],
+    };
+    Formula { lines, sums: set_apart.into_iter().map(|(_, name, lines)| (name, lines)).collect() }
+}
+
+/// A name as upright letters, in mathematical mode.
+pub fn latex_name(name: &str) -> String {
+    format!(r"\mathrm{{{}}}", name.replace('_', r"\_"))
+}
+
+/// Sums whose text is longer than this are set on several lines.
+const LONG: usize = 260;
+
+/// A tree, ready to be typeset from any of its nodes.
+struct Typesetter<'a> {
+    tree: &'a Tree,
+    scope: Scope<'a>,
+    starts: Vec<usize>,
+    /// Of a program's formula: where every node is looked at.
+    places: Vec<Place>,
+    /// By position, what stands there instead.
+    replaced: BTreeMap<usize, String>,
+}
+
+impl<'a> Typesetter<'a> {
+    fn new(tree: &'a Tree, scope: Scope<'a>) -> Self {
+        let places = match scope.reads {
+            Reads::Paper => Vec::new(),
+            Reads::Pair => tree.places(false),
+            Reads::Pixel => tree.places(true),
+        };
+        Self { tree, scope, starts: starts(tree), places, replaced: BTreeMap::new() }
+    }
+
+    fn operands(&self, position: usize) -> Vec<usize> {
+        operands_of(self.tree.symbols()[position].arity(), position, &self.starts)
+    }
+
+    /// The outermost sums that are long.
+    fn long_sums(&self) -> Vec<usize> {
+        let mut found = Vec::new();
+        let mut left = vec![self.tree.root()];
+        while let Some(position) = left.pop() {
+            let is_sum = matches!(self.tree.symbols()[position], Symbol::Op(Op::Add | Op::Sub));
+            if is_sum && self.text(position, Around::Enclosed).len() > LONG {
+                found.push(position);
                 continue;
             }
-            Piece::Subtree(position, around, index) => (position, around, index),
-        };
-        let symbol = tree.symbols()[position];
-        if needs_parentheses(symbol, around) {
-            text.push_str(r"\left(");
-            pieces.push(Piece::Text(r"\right)"));
+            left.extend(self.operands(position).into_iter().rev());
         }
-        match symbol {
-            Symbol::Const(literal) => text.push_str(&number(literal.value())),
-            Symbol::Variance(_) | Symbol::Vector(_) | Symbol::Gradient(_) => {
-                let name = Scope::PAPER.spelling(symbol);
-                text.push_str(&format!(r"\mathrm{{{name}}}{index}"));
+        found
+    }
+
+    /// The lines of a sum, each but the first with a sign before it.
+    fn lines(&self, sum: usize) -> Vec<String> {
+        let Syntax::Infix(strength) = Op::Add.row().syntax else { return Vec::new() };
+        let mut terms = Vec::new();
+        let mut position = sum;
+        while let Symbol::Op(op @ (Op::Add | Op::Sub)) = self.tree.symbols()[position] {
+            let operands = self.operands(position);
+            let term = self.text(operands[1], Around::Right(strength));
+            terms.push(format!("{} {term}", op.name()));
+            position = operands[0];
+        }
+        terms.push(self.text(position, Around::Left(strength)));
+        let mut lines: Vec<String> = Vec::new();
+        for term in terms.into_iter().rev() {
+            match lines.last_mut().filter(|line| line.len() + term.len() <= LONG) {
+                Some(line) => {
+                    line.push(' ');
+                    line.push_str(&term);
+                }
+                None => lines.push(term),
             }
-            Symbol::Op(op) => {
-                let roots = operands(op, position, starts);
-                pieces.extend(pattern(op).into_iter().rev().map(|piece| match piece {
-                    Part::Text(piece) => Piece::Text(piece),
-                    Part::Operand(k, around) => {
-                        let index = match (op.operands()[k], k) {
-                            (Sort::Scalar, _) => "",
-                            (Sort::Vector, 0) => "_i",
-                            (Sort::Vector, _) => "_j",
-                        };
-                        Piece::Subtree(roots[k], around, index)
-                    }
-                }));
-            }
-            _ => unreachable!("{PAPER_ALONE}"),
+        }
+        lines
+    }
+
+    /// The pixel that a node of a program's formula is read at, as an index.
+    fn index(&self, position: usize) -> String {
+        match (self.places.get(position), self.scope.reads) {
+            (None, _) | (Some(Place::Side(_)), Reads::Paper | Reads::Pixel) => String::new(),
+            (Some(Place::Side(Side::I)), Reads::Pair) => "_i".to_owned(),
+            (Some(Place::Side(Side::J)), Reads::Pair) => "_j".to_owned(),
+            (Some(Place::Shift(dx, dy)), _) => format!("_{{i+({dx},{dy})}}"),
         }
     }
-    text
+
+    fn text(&self, root: usize, around: Around) -> String {
+        let mut text = String::new();
+        let mut pieces = vec![Piece::Subtree(root, around, "")];
+        while let Some(piece) = pieces.pop() {
+            let (position, around, index) = match piece {
+                Piece::Text(piece) => {
+                    text.push_str(&piece);
+                    continue;
+                }
+                Piece::Subtree(position, around, index) => (position, around, index),
+            };
+            if let Some(name) = self.replaced.get(&position) {
+                text.push_str(name);
+                continue;
+            }
+            let symbol = self.tree.symbols()[position];
+            if needs_parentheses(symbol, around) {
+                text.push_str(r"\left(");
+                pieces.push(Piece::Text(r"\right)".into()));
+            }
+            let called = |open: &'static str, close: &'static str, between: &'static str| {
+                let mut pieces = vec![Piece::Text(close.into())];
+                for (k, operand) in self.operands(position).into_iter().enumerate().rev() {
+                    pieces.push(Piece::Subtree(operand, Around::Enclosed, ""));
+                    if k > 0 {
+                        pieces.push(Piece::Text(between.into()));
+                    }
+                }
+                pieces.push(Piece::Text(open.into()));
+                pieces
+            };
+            match symbol {
+                Symbol::Const(literal) => text.push_str(&number(literal.value())),
+                Symbol::Variance(_)
+                | Symbol::Vector(_)
+                | Symbol::Gradient(_)
+                | Symbol::Stage(_)
+                | Symbol::Param(_)
+                | Symbol::Offset => {
+                    text.push_str(&latex_name(&self.scope.spelling(symbol)));
+                    text.push_str(index);
+                    if !matches!(symbol, Symbol::Param(_) | Symbol::Offset) {
+                        text.push_str(&self.index(position));
+                    }
+                }
+                Symbol::Op(op) => {
+                    let roots = self.operands(position);
+                    pieces.extend(pattern(op).into_iter().rev().map(|piece| match piece {
+                        Part::Text(piece) => Piece::Text(piece.into()),
+                        Part::Operand(k, around) => {
+                            let index = match (op.operands()[k], k, self.scope.reads) {
+                                (Sort::Vector, 0, Reads::Paper) => "_i",
+                                (Sort::Vector, _, Reads::Paper) => "_j",
+                                (Sort::Scalar | Sort::Vector, ..) => "",
+                            };
+                            Piece::Subtree(roots[k], around, index)
+                        }
+                    }));
+                }
+                // The leaves below carry the place.
+                Symbol::At(_) => pieces.push(Piece::Subtree(position - 1, around, "")),
+                Symbol::Part(k) => {
+                    pieces.push(Piece::Text(format!("[{k}]").into()));
+                    pieces.push(Piece::Subtree(position - 1, Around::Base, ""));
+                }
+                Symbol::Many(Variadic::Join, operands) => {
+                    // What is long stands in a column.
+                    pieces.extend(match self.extent(position) > 8 * usize::from(operands) {
+                        true => called(r"\begin{pmatrix}", r"\end{pmatrix}", r" \\ "),
+                        false => called(r"\left(", r"\right)", r",\, "),
+                    });
+                }
+                Symbol::Many(function, _) => {
+                    let name = function.name();
+                    text.push_str(&format!(r"\operatorname{{{name}}}"));
+                    pieces.extend(called(r"\left(", r"\right)", r",\, "));
+                }
+                Symbol::Linear(_) => {
+                    let name = self.scope.spelling(symbol).replace('_', r"\_");
+                    text.push_str(&format!(r"\operatorname{{{name}}}"));
+                    pieces.extend(called(r"\left(", r"\right)", ""));
+                }
+            }
+        }
+        text
+    }
+
+    /// How many nodes a subtree has.
+    fn extent(&self, position: usize) -> usize {
+        position + 1 - self.starts[position]
+    }
 }
 
 /// What is left to print.
 enum Piece {
-    Text(&'static str),
+    Text(Cow<'static, str>),
     /// The subtree at a position, and the index that it carries if it is a vector.
     Subtree(usize, Around, &'static str),
 }
@@ -161,7 +323,15 @@ fn needs_parentheses(symbol: Symbol, around: Around) -> bool {
             };
         }
         Symbol::Op(op) => op.row(),
-        _ => unreachable!("{PAPER_ALONE}"),
+        // Names, and what has parentheses of its own.
+        Symbol::Stage(_)
+        | Symbol::Param(_)
+        | Symbol::Offset
+        | Symbol::Part(_)
+        | Symbol::Many(..)
+        | Symbol::Linear(_) => return false,
+        // Its operand says.
+        Symbol::At(_) => return false,
     };
     // A pattern that starts or ends with an operand is open to its surroundings.
     let open = row.latex.starts_with('#') || row.latex.ends_with(char::is_numeric);

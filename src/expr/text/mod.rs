@@ -53,7 +53,7 @@ use super::op::Sort;
 use super::tree::Tree;
 
 pub use error::{Problem, TextError};
-pub use latex::{latex, latex_factors};
+pub use latex::{Formula, latex, latex_factors, latex_formula, latex_name};
 pub use scope::{Declared, Reads, Scope, is_free};
 
 /// The sign of negative numbers, which is also the spelling of negation.

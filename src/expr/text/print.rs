@@ -94,7 +94,7 @@ pub(super) fn print(tree: &Tree, scope: &Scope<'_>, f: &mut fmt::Formatter<'_>) 
 
 /// Pushes the pieces of an operator with its operands.
 fn operator(op: Op, position: usize, starts: &[usize], pieces: &mut Vec<Piece>) {
-    let operands = operands(op, position, starts);
+    let operands = operands_of(op.arity(), position, starts);
     match (op.row().syntax, operands.as_slice()) {
         (Syntax::Infix(strength), &[left, right]) => {
             // From the left: an equally strong operator on the right needs parentheses.
@@ -159,13 +159,8 @@ pub(super) fn starts(tree: &Tree) -> Vec<usize> {
     starts
 }
 
-/// The positions of an operator's operands, in order.
-pub(super) fn operands(op: Op, position: usize, starts: &[usize]) -> Vec<usize> {
-    operands_of(op.arity(), position, starts)
-}
-
 /// The positions of so many operands before a position, in order.
-fn operands_of(count: usize, position: usize, starts: &[usize]) -> Vec<usize> {
+pub(super) fn operands_of(count: usize, position: usize, starts: &[usize]) -> Vec<usize> {
     let mut roots = Vec::with_capacity(count);
     let mut end = position;
     for _ in 0..count {
