@@ -18,7 +18,7 @@ use crate::plan::Precision;
 const EXAMPLES: &str = "\
 Examples:
   tamis export tamis --lang c -o tamis.c                    # and tamis.h
-  tamis export tamis --lang c --without depth -o tamis.c
+  tamis export tamis --lang python --without depth -o tamis.py
   tamis export tamis-2 --lang hlsl --precision fast -o tamis_2.hlsl
   tamis export bilateral --lang spirv -o bilateral.spv
   tamis export out/best.toml --lang latex

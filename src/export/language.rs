@@ -7,6 +7,8 @@ pub enum Language {
     C,
     /// LaTeX with amsmath.
     Latex,
+    /// Python with NumPy.
+    Python,
     /// One that GPUs are programmed in.
     Shading(Shading),
 }
@@ -34,9 +36,10 @@ struct Row {
 
 impl Language {
     /// Every language.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::C,
         Self::Latex,
+        Self::Python,
         Self::Shading(Shading::Wgsl),
         Self::Shading(Shading::Glsl),
         Self::Shading(Shading::Hlsl),
@@ -80,6 +83,11 @@ impl Language {
                 name: "latex",
                 ending: "tex",
                 doc: "LaTeX with amsmath: the filter as equations",
+            },
+            Self::Python => Row {
+                name: "python",
+                ending: "py",
+                doc: "Python with NumPy: a function per stage, in double precision",
             },
             Self::Shading(Shading::Wgsl) => Row {
                 name: "wgsl",

@@ -29,6 +29,7 @@ mod language;
 mod latex;
 mod names;
 mod program;
+mod python;
 #[cfg(feature = "gpu")]
 mod shading;
 mod term;
@@ -200,7 +201,8 @@ pub fn export(
     language: Language,
     options: &Options<'_>,
 ) -> Result<Export, ExportError> {
-    if filter.paper().is_some() {
+    // What a filter means is said alike of one stage and of many.
+    if filter.paper().is_some() && language != Language::Python {
         return weight(&Subject::of(filter, options)?, language, options.precision);
     }
     let subject = program::ProgramSubject::of(filter, options.precision, options.without)?;
@@ -209,10 +211,11 @@ pub fn export(
             let c::program::Text { code, header } = c::program::text(&subject);
             Ok(Export::WithHeader { code: code.into_bytes(), header: header.into_bytes() })
         }
-        Language::Latex if options.precision == Precision::Fast => {
+        Language::Latex | Language::Python if options.precision == Precision::Fast => {
             Err(ExportError::AlwaysExact { language: language.name() })
         }
         Language::Latex => Ok(Export::Single(latex::program(&subject).into_bytes())),
+        Language::Python => Ok(Export::Single(python::text(&subject).into_bytes())),
         Language::Shading(_) => {
             let (filter, stages) = (filter.name.clone(), filter.stages.len());
             Err(ExportError::Stages { filter, stages })
@@ -228,6 +231,7 @@ fn weight(
     let bytes = match (language, precision) {
         (Language::C, _) => c::text(subject).into_bytes(),
         (Language::Latex, Precision::Standard) => latex::text(subject).into_bytes(),
+        (Language::Python, _) => unreachable!("it is written as a program"),
         (Language::Latex, Precision::Fast) => {
             return Err(ExportError::AlwaysExact { language: language.name() });
         }

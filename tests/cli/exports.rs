@@ -36,9 +36,9 @@ fn exports_go_to_stdout_or_whole_into_a_file() {
     let header = String::from_utf8(place.bytes("twice.h")).expect("C is text");
     assert!(header.contains("struct twice_inputs {") && !header.contains("#include <math.h>"));
     place.fails(2, &["export", "2.toml", "--lang", "c", "-o", "twice.h"], &["twice.h", ".c`"]);
-    let without = ["export", "tamis", "--lang", "c", "--without", "depth,normal"];
-    let code = place.done(&without);
-    assert!(code.contains("Absent: `depth`"), "{code}");
+    let without = ["export", "tamis", "--lang", "python", "--without", "depth,normal"];
+    let python = place.done(&without);
+    assert!(python.contains("Absent: `depth`") && python.contains("def compute_p0("), "{python}");
     place.fails(2, &["export", "tamis", "--lang", "c", "--without", "color"], &["color", "albedo"]);
     let required = ["export", "1.toml", "--lang", "c", "--without", "normal"];
     place.fails(1, &required, &["`edge*/aware`", "normal", "stands in"]);

@@ -21,7 +21,7 @@ pub(crate) const CASES: &[(&str, fn())] = &[
 /// The languages that this build writes.
 fn languages() -> impl Iterator<Item = Language> {
     Language::ALL.into_iter().filter(|language| match language {
-        Language::C | Language::Latex => true,
+        Language::C | Language::Latex | Language::Python => true,
         Language::Shading(_) => cfg!(feature = "gpu"),
     })
 }
@@ -71,7 +71,7 @@ fn names_reach_comments_alone() {
     for language in languages() {
         let comment = match language {
             // Its comments are of another kind, and names are a part of the code.
-            Language::C | Language::Shading(Shading::Spirv) => continue,
+            Language::C | Language::Python | Language::Shading(Shading::Spirv) => continue,
             Language::Latex => "%",
             Language::Shading(_) => "//",
         };
@@ -109,7 +109,7 @@ fn only_code() {
         let fast = Options { precision: Precision::Fast, without: &[] };
         let result = export(&filter, language, &fast);
         match language {
-            Language::Latex => {
+            Language::Latex | Language::Python => {
                 let error = result.expect_err("there is nothing to choose");
                 assert_eq!(error, ExportError::AlwaysExact { language: language.name() });
             }
@@ -133,7 +133,7 @@ fn every_term_is_explained() {
             let export = bytes(&filter, language, Precision::Standard);
             let export = String::from_utf8_lossy(&export);
             let called = match language {
-                Language::C => vec![feature.identifier(quantity)],
+                Language::C | Language::Python => vec![feature.identifier(quantity)],
                 Language::Latex => vec![term.to_owned()],
                 Language::Shading(_) => {
                     PlaneId::of(feature, quantity).map(PlaneId::identifier).collect()
@@ -155,7 +155,7 @@ fn shading_languages_want_the_feature() {
     for language in Language::ALL {
         let result = export(&known_and_shipped()[0], language, &Options::default());
         match language {
-            Language::C | Language::Latex => assert!(result.is_ok()),
+            Language::C | Language::Latex | Language::Python => assert!(result.is_ok()),
             Language::Shading(_) => {
                 let error = result.expect_err("this build has no shading languages");
                 assert_eq!(error, ExportError::WithoutGpu { language: language.name() });
@@ -171,7 +171,9 @@ fn named_filters_are_written_as_they_were() {
                 Language::Latex | Language::Shading(Shading::Wgsl) => {
                     !filter.name.starts_with("tamis")
                 }
-                Language::C | Language::Shading(Shading::Glsl | Shading::Hlsl | Shading::Msl) => {
+                Language::C
+                | Language::Python
+                | Language::Shading(Shading::Glsl | Shading::Hlsl | Shading::Msl) => {
                     filter.name == "bilateral"
                 }
                 Language::Shading(Shading::Spirv) => false,

@@ -15,6 +15,7 @@ mod fixture_programs;
 mod harness;
 mod latex;
 mod programs;
+mod python;
 #[cfg(feature = "gpu")]
 mod shading;
 
@@ -36,7 +37,7 @@ fn main() -> ExitCode {
     let trials = cases.map(|&(name, check)| trial(name.to_owned(), false, check));
     #[cfg(feature = "gpu")]
     let trials = trials.chain(shading::compiled());
-    let trials: Vec<Trial> = trials.chain(latex::typeset()).collect();
+    let trials: Vec<Trial> = trials.chain(python::trials()).chain(latex::typeset()).collect();
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
 }
 
