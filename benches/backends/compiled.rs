@@ -95,7 +95,8 @@ impl Source {
         let named = Filter::single("bench", weight.clone(), radius);
         let options = Options { precision, without: &[] };
         let kernel = export::export(&named, Language::C, &options).expect("one stage");
-        let text = String::from_utf8(kernel.into_file()).expect("C is text");
+        let text =
+            String::from_utf8(kernel.into_file().expect("C is one file")).expect("C is text");
         // A call, which compilers make of long functions, cannot be vectorised.
         let text = ["float", "struct bench_features"].iter().fold(text, |text, kind| {
             let inline = format!("static inline __attribute__((always_inline)) {kind} bench_");

@@ -1,5 +1,6 @@
 //! `tamis export`: a filter as code or equations for others.
 
+use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 
@@ -18,6 +19,7 @@ use crate::plan::Precision;
 const EXAMPLES: &str = "\
 Examples:
   tamis export tamis --lang c -o tamis.c                    # and tamis.h
+  tamis export tamis --lang wgsl -o tamis_wgsl              # a folder: kernels, manifest.json
   tamis export tamis --lang python --without depth -o tamis.py
   tamis export tamis-2 --lang hlsl --precision fast -o tamis_2.hlsl
   tamis export bilateral --lang spirv -o bilateral.spv
@@ -27,7 +29,8 @@ Examples:
 The first lines of every export say what the weight looks at and in which units;
 those of shaders, also what to bind and dispatch. SPIR-V holds them as its source.
 C of a program (a filter of several stages) is two files, FILE and beside it FILE with the
-ending `.h`; on stdout it is the code alone, which is complete.";
+ending `.h`; on stdout it is the code alone, which is complete. Shaders of a program are a
+new folder of kernels with a manifest: buffers, lengths, dispatch sizes, halo, taps.";
 
 /// Write a filter as code or equations to paste elsewhere.
 #[derive(Debug, Args)]
@@ -41,8 +44,8 @@ pub(super) struct Export {
     #[arg(long, short, value_name = "LANGUAGE", value_parser = languages())]
     lang: Language,
 
-    /// Where the text goes [default: stdout]
-    #[arg(long, short, value_name = "FILE")]
+    /// Where it goes: a file, or for shaders of a program a new folder [default: stdout]
+    #[arg(long, short, value_name = "PATH")]
     output: Option<PathBuf>,
 
     /// Features that the renderer does not have: a program's code then has what stands in for
@@ -92,7 +95,13 @@ impl Export {
             Err(error @ ExportError::AlwaysExact { .. }) => Err(Error::Usage(error.to_string())),
             result => result.map_err(Error::Export),
         }?;
-        let Some(path) = &self.output else { return Ok(exported.into_file()) };
+        let Some(path) = &self.output else {
+            return exported.into_file().ok_or_else(|| {
+                Error::Usage(format!(
+                    "`--lang {name}` of a program is a folder of kernels; name it with --output"
+                ))
+            });
+        };
         match exported {
             Exported::Single(bytes) => write_atomically(path, &bytes)?,
             Exported::WithHeader { code, header } => {
@@ -106,6 +115,24 @@ impl Export {
                 }
                 write_atomically(&beside, &header)?;
                 write_atomically(path, &code)?;
+            }
+            Exported::Folder(files) => {
+                let failed = |source| Error::Folder {
+                    path: path.display().to_string(),
+                    option: "--output",
+                    source,
+                };
+                fs::create_dir_all(path).map_err(failed)?;
+                // Kernels of another export would stand among these.
+                if fs::read_dir(path).map_err(failed)?.next().is_some() {
+                    return Err(Error::Usage(format!(
+                        "--output {}: the folder is not empty; name a new one, or remove what is in it",
+                        path.display()
+                    )));
+                }
+                for (name, bytes) in &files {
+                    write_atomically(&path.join(name), bytes)?;
+                }
             }
         }
         Ok(Vec::new())

@@ -3,7 +3,7 @@
 //!
 //! A filter of a single weight is exported as its weight function and a complete kernel
 //! around it, Equation 1 with its window and its guard, in the language asked for; a
-//! program in C as the kernels of its schedule and what runs them; in a typesetting language,
+//! program as the kernels of its schedule and what runs them; in a typesetting language,
 //! both as equations.
 //!
 //! What it promises:
@@ -170,13 +170,17 @@ pub enum Export {
         /// Its declarations.
         header: Vec<u8>,
     },
+    /// The kernels of a program, and a manifest that says how they are run: files of a folder,
+    /// by name.
+    Folder(Vec<(String, Vec<u8>)>),
 }
 
 impl Export {
-    /// What is complete as one file.
-    pub fn into_file(self) -> Vec<u8> {
+    /// What is complete as one file; nothing of a folder.
+    pub fn into_file(self) -> Option<Vec<u8>> {
         match self {
-            Self::Single(text) | Self::WithHeader { code: text, .. } => text,
+            Self::Single(text) | Self::WithHeader { code: text, .. } => Some(text),
+            Self::Folder(_) => None,
         }
     }
 }
@@ -216,10 +220,17 @@ pub fn export(
         }
         Language::Latex => Ok(Export::Single(latex::program(&subject).into_bytes())),
         Language::Python => Ok(Export::Single(python::text(&subject).into_bytes())),
-        Language::Shading(_) => {
-            let (filter, stages) = (filter.name.clone(), filter.stages.len());
-            Err(ExportError::Stages { filter, stages })
+        #[cfg(feature = "gpu")]
+        Language::Shading(shading) => {
+            let files = shading::program::files(&subject, shading, options.precision);
+            files.map(Export::Folder).map_err(|reason| ExportError::Refused {
+                filter: filter.name.clone(),
+                language: language.name(),
+                reason,
+            })
         }
+        #[cfg(not(feature = "gpu"))]
+        Language::Shading(_) => Err(ExportError::WithoutGpu { language: language.name() }),
     }
 }
 

@@ -65,6 +65,15 @@ fn shading_languages_are_written_where_they_are_built_in() {
         }
     }
     if cfg!(feature = "gpu") {
+        // The kernels of a program are a folder of their own.
+        let program = ["export", "tamis-formula", "--lang", "wgsl"];
+        place.fails(2, &program, &["wgsl", "folder", "--output"]);
+        let folder = [&program[..], &["-o", "kernels"]].concat();
+        place.done(&folder);
+        let manifest = String::from_utf8(place.bytes("kernels/manifest.json")).expect("JSON");
+        assert!(manifest.contains("\"000_map_0.wgsl\""), "{manifest}");
+        assert!(!place.bytes("kernels/000_map_0.wgsl").is_empty());
+        place.fails(2, &folder, &["kernels", "not empty"]);
         place.done(&[&export("spirv")[..], &["-o", "filter.spv"]].concat());
         assert_eq!(place.bytes("filter.spv")[..4], 0x0723_0203_u32.to_le_bytes());
     }

@@ -44,7 +44,7 @@ fn main() -> ExitCode {
 /// An export that is one file.
 fn exported(filter: &Filter, language: Language, options: &Options<'_>) -> Vec<u8> {
     let exported = export(filter, language, options).unwrap_or_else(|error| panic!("{error}"));
-    exported.into_file()
+    exported.into_file().expect("it is no folder")
 }
 
 /// The same for renderers that have all features.

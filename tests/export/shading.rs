@@ -6,13 +6,15 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use libtest_mimic::Trial;
-use tamis::export::{Language, Shading};
-use tamis::filter::Filter;
+use tamis::export::{Export, Language, Options, Shading, export};
+use tamis::filter::{Filter, shipped};
 use tamis::plan::Precision;
 
 use crate::every::hostile_names;
 use crate::fixture::{bred, parse};
+use crate::fixture_programs::{SAMPLE, random};
 use crate::harness::{is_required, trial};
+use crate::programs::parse as parse_program;
 use crate::{bytes, known_and_shipped};
 
 pub(crate) const CASES: &[(&str, fn())] = &[
@@ -22,6 +24,8 @@ pub(crate) const CASES: &[(&str, fn())] = &[
     ("shading::names_survive", names_survive),
     ("shading::what_is_read_at_i_alone_has_a_buffer", what_is_read_at_i_alone_has_a_buffer),
     ("shading::fast_means_built_in_functions", fast_means_built_in_functions),
+    ("shading::manifests_say_what_kernels_take", manifests_say_what_kernels_take),
+    ("shading::programs_in_wgsl_are_valid", programs_in_wgsl_are_valid),
 ];
 
 /// The tests that take a program, ignored where it is absent.
@@ -33,6 +37,8 @@ pub(crate) fn compiled() -> Vec<Trial> {
             let name = format!("shading::{}::{case}", checker.language().name());
             trials.push(trial(name, ignored, move || checker.accept(length, &files())));
         }
+        let name = format!("shading::{}::programs_compile", checker.language().name());
+        trials.push(trial(name, ignored, || checker.accept_programs()));
     }
     trials
 }
@@ -131,6 +137,28 @@ impl Checker {
         }
     }
 
+    /// Holds the kernels of programs to the program.
+    fn accept_programs(&self) {
+        for (name, filter, precision) in programs() {
+            let folder = tempfile::tempdir().expect("a temporary folder");
+            let (kernels, manifest) = kernels(&filter, self.shading, precision);
+            let described = manifest["kernels"].as_array().expect("a list");
+            for ((file, bytes), kernel) in kernels.iter().zip(described) {
+                let path = folder.path().join(file);
+                fs::write(&path, bytes).expect("writable");
+                let entry = kernel["entry"].as_str().expect("a name");
+                // The program is told the entry point's name.
+                let named = |&argument: &&'static str| match argument {
+                    "main" => entry,
+                    argument => argument,
+                };
+                let arguments: Vec<&str> = self.arguments.iter().map(named).collect();
+                let complaint = self.check(&arguments, &[path]).err();
+                assert_eq!(complaint, None, "{name}: {file}");
+            }
+        }
+    }
+
     fn check(&self, arguments: &[&str], paths: &[PathBuf]) -> Result<(), String> {
         let Self { program, package, .. } = self;
         let checked = Command::new(program).args(arguments).args(paths).output();
@@ -143,6 +171,115 @@ impl Checker {
             false => Err(String::from_utf8_lossy(&said).into_owned()),
         }
     }
+}
+
+/// The programs that are shipped, one of everything, and random ones.
+fn programs() -> Files {
+    let random = (0..6).map(|seed| parse_program(&random(seed, 2 + seed as usize)));
+    let random = random.filter(|filter| filter.paper().is_none());
+    let programs = shipped::programs().chain([parse_program(SAMPLE)]).chain(random);
+    let named = |filter: Filter| (filter.name.clone(), filter, Precision::Standard);
+    let fast = (SAMPLE.to_owned(), parse_program(SAMPLE), Precision::Fast);
+    programs.map(named).chain([fast]).collect()
+}
+
+/// A program's kernels by their files' names, and its manifest.
+fn kernels(
+    filter: &Filter,
+    shading: Shading,
+    precision: Precision,
+) -> (Vec<(String, Vec<u8>)>, serde_json::Value) {
+    let options = Options { precision, without: &[] };
+    let exported = export(filter, Language::Shading(shading), &options);
+    let Export::Folder(mut files) = exported.unwrap_or_else(|error| panic!("{error}")) else {
+        panic!("a program is a folder");
+    };
+    let (name, manifest) = files.pop().expect("the manifest is the last");
+    assert_eq!(name, "manifest.json");
+    (files, serde_json::from_slice(&manifest).expect("JSON"))
+}
+
+/// How a buffer's length follows from the sizes, which stand in for their names.
+fn length(formula: &str, sizes: &[(&str, usize)]) -> usize {
+    let factor = |word: &str| {
+        let size = sizes.iter().find(|(name, _)| *name == word).map(|(_, size)| *size);
+        size.unwrap_or_else(|| word.parse().expect("a number or a size"))
+    };
+    let product = |term: &str| term.split(" * ").map(factor).product::<usize>();
+    formula.split(" + ").map(product).sum()
+}
+
+fn manifests_say_what_kernels_take() {
+    for (name, filter, precision) in programs() {
+        let [wgsl, spirv] = [Shading::Wgsl, Shading::Spirv].map(|s| kernels(&filter, s, precision));
+        for (files, manifest) in [&wgsl, &spirv] {
+            let described = manifest["kernels"].as_array().expect("a list");
+            let names: Vec<&str> =
+                described.iter().map(|k| k["file"].as_str().expect("a name")).collect();
+            assert_eq!(names, files.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>());
+            let buffers = manifest["buffers"].as_array().expect("a list");
+            let called: Vec<&str> =
+                buffers.iter().map(|b| b["name"].as_str().expect("a name")).collect();
+            assert_eq!(
+                called,
+                ["params", "features", "taps", "planes", "kept", "result"],
+                "{name}"
+            );
+            for (k, buffer) in buffers.iter().enumerate() {
+                assert_eq!((&buffer["group"], &buffer["binding"]), (&0.into(), &k.into()));
+            }
+            let sizes = [
+                ("width", 7),
+                ("height", 5),
+                ("half_width", 4),
+                ("half_height", 3),
+                ("wanted_width", 6),
+                ("wanted_height", 2),
+            ];
+            let lengths: Vec<usize> = buffers
+                .iter()
+                .map(|b| length(b["length"].as_str().expect("a formula"), &sizes))
+                .collect();
+            let features = buffers[1]["holds"].as_array().expect("planes").len();
+            let taps = manifest["taps"].as_array().expect("numbers").len();
+            assert_eq!(lengths[1..3], [features * 35, taps], "{name}");
+            assert_eq!(lengths[4..], [filter.stages.len(), 12], "{name}");
+            let fields = buffers[0]["fields"].as_array().expect("a list");
+            let offsets: Vec<u64> =
+                fields.iter().map(|f| f["offset"].as_u64().expect("bytes")).collect();
+            assert_eq!(offsets, [0, 8, 16, 24, 32, 40, 44]);
+            assert!(manifest["halo"].as_u64().expect("pixels").is_multiple_of(2));
+        }
+        let wgsl = wgsl.0.iter().zip(wgsl.1["kernels"].as_array().expect("a list"));
+        for ((file, text), kernel) in wgsl {
+            let text = String::from_utf8_lossy(text);
+            let entry = format!("fn {}(", kernel["entry"].as_str().expect("a name"));
+            assert!(text.contains(&entry) && text.contains("@workgroup_size(8, 8)"), "{file}");
+        }
+    }
+}
+
+fn programs_in_wgsl_are_valid() {
+    let hostile = hostile_names().into_iter().map(|name| Filter { name, ..parse_program(SAMPLE) });
+    let hostile = hostile.map(|filter| (filter.name.clone(), filter, Precision::Standard));
+    for (name, filter, precision) in programs().into_iter().chain(hostile) {
+        for (file, text) in kernels(&filter, Shading::Wgsl, precision).0 {
+            is_valid(&format!("{name}: {file}"), &String::from_utf8(text).expect("WGSL is text"));
+        }
+    }
+}
+
+/// Fails unless naga takes it, with nothing beyond what WebGPU has.
+fn is_valid(name: &str, text: &str) {
+    let module = naga::front::wgsl::parse_str(text)
+        .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(text)));
+    let mut validator = naga::valid::Validator::new(
+        naga::valid::ValidationFlags::all(),
+        naga::valid::Capabilities::empty(),
+    );
+    validator
+        .validate(&module)
+        .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(text)));
 }
 
 fn in_every_precision(filters: Vec<Filter>) -> Files {
@@ -191,16 +328,7 @@ fn wgsl_is_valid() {
     let named = |name| Filter::single(name, parse("exp(-distance2(normal, normal))"), 2);
     filters.extend(hostile_names().into_iter().map(named));
     for (name, filter, precision) in in_every_precision(filters) {
-        let text = shader(&filter, Shading::Wgsl, precision);
-        let module = naga::front::wgsl::parse_str(&text)
-            .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&text)));
-        let mut validator = naga::valid::Validator::new(
-            naga::valid::ValidationFlags::all(),
-            naga::valid::Capabilities::empty(),
-        );
-        validator
-            .validate(&module)
-            .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&text)));
+        is_valid(&name, &shader(&filter, Shading::Wgsl, precision));
     }
 }
 

@@ -45,7 +45,7 @@ impl Compiled {
         let named = Filter { name: "bench".to_owned(), ..filter.clone() };
         let images = export::images(&named)?;
         let kernel = export::export(&named, Language::C, &Options::default())?;
-        let kernel = kernel.into_file();
+        let kernel = kernel.into_file().expect("C is one file");
         let mut assignments = String::new();
         let mut assign = |place: &str| {
             let _ = writeln!(assignments, "images.{place} = image;\n        image += pixels;");

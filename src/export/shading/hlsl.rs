@@ -4,8 +4,8 @@ use naga::back::hlsl::{BindTarget, Options, PipelineOptions, ShaderModel, Writer
 
 use super::valid::Valid;
 
-/// The shader.
-pub(super) fn text(shader: &Valid) -> Result<String, String> {
+/// The shader, and what its entry point is called.
+pub(super) fn text(shader: &Valid) -> Result<(String, String), String> {
     let target = |register| BindTarget { register, ..BindTarget::default() };
     let options = Options {
         shader_model: ShaderModel::V6_0,
@@ -23,8 +23,10 @@ pub(super) fn text(shader: &Valid) -> Result<String, String> {
     };
     let pipeline = PipelineOptions { entry_point: Some(shader.entry_point()) };
     let mut text = String::new();
-    Writer::new(&mut text, &options, &pipeline)
+    let reflection = Writer::new(&mut text, &options, &pipeline)
         .write(shader.module(), shader.info(), None)
         .map_err(|error| error.to_string())?;
-    Ok(text)
+    let names = reflection.entry_point_names.into_iter().collect::<Result<Vec<_>, _>>();
+    let name = names.map_err(|error| error.to_string())?.swap_remove(0);
+    Ok((text, name))
 }

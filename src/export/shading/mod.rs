@@ -6,6 +6,8 @@
 //! supply a table of it; and nothing is known of the device, so that exact code
 //! assumes what IEEE 754 says.
 //!
+//! A program is many kernels: [`program`] writes them as files, with a manifest.
+//!
 //! Naga keeps names but drops comments. What a caller must know is therefore
 //! said by [`comment`] in the first lines, in every language alike, and refers to
 //! buffers by their binding: that number is the same in all languages.
@@ -14,6 +16,7 @@ mod comment;
 mod glsl;
 mod hlsl;
 mod msl;
+pub(super) mod program;
 mod spirv;
 mod valid;
 
@@ -43,7 +46,10 @@ pub(super) fn bytes(
             let (version, rest) = text.split_once('\n').expect("the version is a line");
             format!("{version}\n{}\n{rest}", caller.comment(language, "main"))
         }
-        Shading::Hlsl => format!("{}\n{}", caller.comment(language, "main"), hlsl::text(&valid)?),
+        Shading::Hlsl => {
+            let (text, entry_point) = hlsl::text(&valid)?;
+            format!("{}\n{text}", caller.comment(language, &entry_point))
+        }
         Shading::Msl => {
             let (text, entry_point) = msl::text(&valid)?;
             format!("{}\n{text}", caller.comment(language, &entry_point))
