@@ -8,10 +8,10 @@ use std::process::Command;
 
 use tamis::backend::{Backend, Interpreter, Rect};
 use tamis::export::{Export, ExportError, Language, Options, export};
-use tamis::expr::{Feature, PlaneId};
+use tamis::expr::{Feature, PlaneId, Quantity};
 use tamis::filter::{Filter, shipped};
 use tamis::plan::{Passes, Plan, Precision};
-use tamis::scene::{Facts, LoadOptions, Scene};
+use tamis::scene::{Facts, LoadOptions, RawScene, Scene};
 
 use crate::c::{bytes, compiler, succeed, supply};
 use crate::every::hostile_names;
@@ -26,6 +26,7 @@ pub(crate) const CASES: &[(&str, fn())] = &[
     ("programs::any_name_compiles", any_name_compiles),
     ("programs::bad_calls_write_nothing", bad_calls),
     ("programs::layers_are_loops_over_tables", layers_are_loops),
+    ("programs::the_example_filters_what_a_renderer_has", the_example),
 ];
 
 pub(crate) fn parse(text: &str) -> Filter {
@@ -278,5 +279,77 @@ fn layers_are_loops() {
             let is_loop = code.contains(&format!("_{}[row][column]", layer.name));
             assert!(is_loop || layer.rows() == 1, "{}: {}", filter.name, layer.name);
         }
+    }
+}
+
+/// The channels of an image, as a PFM file.
+fn pfm(width: usize, channels: &[Vec<f32>]) -> Vec<u8> {
+    let height = channels[0].len() / width;
+    let mut file = format!("PF\n{width} {height}\n-1.0\n").into_bytes();
+    for y in (0..height).rev() {
+        let row = (y * width..(y + 1) * width).flat_map(|k| channels.iter().map(move |c| c[k]));
+        file.extend(row.flat_map(f32::to_le_bytes));
+    }
+    file
+}
+
+/// `examples/filter_pfm.c`, as its first lines say, prepares images as Tamis does.
+fn the_example() {
+    let (width, height) = (29, 18);
+    let prepared = scene(width, height, 12);
+    let channels = |feature| {
+        let planes = PlaneId::of(feature, Quantity::Value);
+        let scale = if feature == Feature::Color { prepared.normalization().exposure } else { 1.0 };
+        planes
+            .map(|id| {
+                let plane = prepared.plane(id).expect("the scene has every feature");
+                (0..width * height).map(|k| plane.at(k % width, k / width) * scale).collect()
+            })
+            .collect::<Vec<Vec<f32>>>()
+    };
+    let [color, albedo, normal] = [Feature::Color, Feature::Texture, Feature::Normal].map(channels);
+
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, channels) in [("color", &color), ("albedo", &albedo), ("normal", &normal)] {
+        let path = folder.path().join(format!("{name}.pfm"));
+        fs::write(path, pfm(width, channels)).expect("writable");
+    }
+    let filter = shipped::programs().find(|filter| filter.name == "tamis-formula");
+    let filter = filter.expect("it is shipped");
+    let options = Options { without: &[Feature::Depth], ..Options::default() };
+    let [code, header] = written(&filter, &options);
+    fs::write(folder.path().join("tamis_formula.c"), code).expect("writable");
+    fs::write(folder.path().join("tamis_formula.h"), header).expect("writable");
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/filter_pfm.c");
+    let mut compile = compiler(folder.path());
+    compile.args(["-I.", "-o", "filter_pfm", "tamis_formula.c"]).arg(example).arg("-lm");
+    succeed(compile);
+    let mut run = Command::new(folder.path().join("filter_pfm"));
+    run.current_dir(folder.path()).args(["color.pfm", "albedo.pfm", "normal.pfm", "clean.pfm"]);
+    succeed(run);
+
+    let colors: [Vec<f32>; 3] = color.try_into().expect("three channels");
+    let raw = RawScene::new("example", width, height, colors)
+        .with(Feature::Texture, Quantity::Value, albedo)
+        .with(Feature::Normal, Quantity::Value, normal);
+    let scene = crate::fixture::prepare(raw);
+    let code = Interpreter.compile(&plan(&filter, &options)).expect("compiles");
+    let filtered = code.run(&scene, &[Rect::whole(&scene)]).expect("runs").swap_remove(0);
+    let expected: Vec<Vec<f32>> =
+        (0..3).map(|c| filtered.pixels.iter().map(|pixel| pixel[c]).collect()).collect();
+    let result = fs::read(folder.path().join("clean.pfm")).expect("it was written");
+    assert!(result == pfm(width, &expected), "the example's pixels are others");
+
+    // What cannot be read is told.
+    fs::write(folder.path().join("short.pfm"), &result[..result.len() - 1]).expect("writable");
+    for (file, complaint) in [("short.pfm", "ends too early"), ("none.pfm", "cannot be opened")] {
+        let mut run = Command::new(folder.path().join("filter_pfm"));
+        run.current_dir(folder.path()).args([file, "albedo.pfm", "normal.pfm", "again.pfm"]);
+        let output = run.output().expect("it starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            !output.status.success() && said.contains(file) && said.contains(complaint),
+            "{said}"
+        );
     }
 }
