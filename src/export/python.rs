@@ -14,7 +14,7 @@ use super::header;
 use super::names::Names;
 use super::program::{ProgramSubject, facts};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
-use crate::expr::op::{Op, Syntax};
+use crate::expr::op::Op;
 use crate::expr::symbol::{Place, Symbol, Variadic};
 use crate::expr::tape::Side;
 use crate::expr::tree::Tree;
@@ -420,16 +420,7 @@ impl Writer<'_> {
                 (format!("-{x}"), Strength::Sign)
             }
             _ => {
-                let name = match (op, op.row().syntax) {
-                    (Op::Div, _) => "divide",
-                    (Op::Abs, _) => "magnitude",
-                    (Op::Min, _) => "least",
-                    (Op::Max, _) => "greatest",
-                    (_, Syntax::Call) => op.name(),
-                    (_, Syntax::Infix(_) | Syntax::Prefix) => unreachable!("written above"),
-                };
-                let helper = HELPERS.iter().find(|helper| helper.name == name);
-                let name = self.call(helper.expect("every operator has a function").name);
+                let name = self.call(helpers::of(op).expect("a test looks every operator up"));
                 called(name, &operands)
             }
         }

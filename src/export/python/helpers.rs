@@ -1,12 +1,28 @@
 //! The functions that formulas call, in NumPy: those of the operator table, by its rows'
 //! meanings, and what stages are made with.
 
+use crate::expr::op::Op;
+
 /// A function of the text.
 pub(super) struct Helper {
     pub(super) name: &'static str,
     /// Functions before it that it calls.
     pub(super) calls: &'static [&'static str],
     pub(super) text: &'static str,
+}
+
+/// The function of an operator; none of those that Python writes as we do.
+pub(super) fn of(op: Op) -> Option<&'static str> {
+    // Python has names of its own for some.
+    let name = match op {
+        Op::Add | Op::Sub | Op::Mul | Op::Neg => return None,
+        Op::Div => "divide",
+        Op::Abs => "magnitude",
+        Op::Min => "least",
+        Op::Max => "greatest",
+        _ => op.name(),
+    };
+    HELPERS.iter().find(|helper| helper.name == name).map(|helper| helper.name)
 }
 
 macro_rules! helpers {
@@ -281,4 +297,22 @@ def tricube(x):
     """The tricube kernel."""
     return 70 / 81 * np.maximum(1 - np.abs(x) ** 3, 0) ** 3
 "#;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_operator_has_a_function_and_callees_stand_first() {
+        for &op in Op::ALL {
+            let is_written = matches!(op, Op::Add | Op::Sub | Op::Mul | Op::Neg);
+            assert_eq!(of(op).is_none(), is_written, "{}: add it to HELPERS", op.name());
+        }
+        for (k, helper) in HELPERS.iter().enumerate() {
+            let known = |name: &str| HELPERS[..k].iter().any(|earlier| earlier.name == name);
+            assert!(helper.calls.iter().all(|name| known(name)), "{}", helper.name);
+            assert!(helper.text.contains(&format!("\ndef {}(", helper.name)), "{}", helper.name);
+        }
+    }
 }
