@@ -18,13 +18,12 @@ use std::process::Command;
 
 use tamis::backend::{Backend, Jit, Rect};
 use tamis::expr::{Feature, Quantity};
-use tamis::filter::{Filter, Gather};
+use tamis::filter::{Filter, shipped};
 use tamis::image::{Image, Metrics, pfm};
 use tamis::plan::{Passes, Plan};
 use tamis::report::{Align, Format, Table, number};
 use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Repair, SceneFiles, load_reference};
 
-const FILTER: &str = "data/filters/tamis-2.toml";
 type Key = (Feature, Quantity);
 const COLOR: Key = (Feature::Color, Quantity::Value);
 const ALBEDO: Key = (Feature::Texture, Quantity::Value);
@@ -65,14 +64,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let raw = RawScene::read(noisy, &Needs::everything(), &LoadOptions::default())?;
     let reference = load_reference(reference)?;
 
-    let filter = Filter::read(Path::new(FILTER))?;
-    let Some(stage) = filter.paper() else { return Err("a filter of one gather".into()) };
+    let filter = shipped::best();
     let mut denoisers: Vec<(String, Denoise<'_>, &[Fault])> = Vec::new();
     // The clean scene has nothing to be left in.
     let ways = [(Repair::Median, "", &FAULTS[..]), (Repair::None, " --repair none", &FAULTS[1..])];
     for (repair, title, faults) in ways {
         let options = LoadOptions { repair, ..LoadOptions::default() };
-        let run = move |raw: &RawScene| tamis(raw, stage, &options);
+        let filter = &filter;
+        let run = move |raw: &RawScene| tamis(raw, filter, &options);
         denoisers.push((format!("{}{title}", filter.name), Box::new(run), faults));
     }
     if let Some(program) = &oidn {
@@ -137,11 +136,10 @@ fn compare(image: &Image, clean: &Image) -> (usize, usize) {
     (pixels().filter(is_changed).count(), pixels().filter(is_broken).count())
 }
 
-fn tamis(raw: &RawScene, stage: &Gather, options: &LoadOptions) -> Result<Image, Box<dyn Error>> {
-    let needs = Needs::planes(stage.weight.planes());
-    let scene = raw.clone().prepare(&needs, stage.window.reach() as usize, options)?;
-    let weights = std::slice::from_ref(&stage.weight);
-    let plan = Plan::new(weights, stage.window, &Facts::of(&scene), Passes::ALL)?;
+fn tamis(raw: &RawScene, filter: &Filter, options: &LoadOptions) -> Result<Image, Box<dyn Error>> {
+    let checked = filter.check()?;
+    let scene = raw.clone().prepare(&checked.needs(), checked.reach(), options)?;
+    let plan = Plan::of(&checked, &Facts::of(&scene), Passes::ALL)?;
     let filtered = Jit::new()?.compile(&plan)?.run(&scene, &[Rect::whole(&scene)])?.swap_remove(0);
     let rgb = [0, 1, 2].map(|c| filtered.pixels.iter().map(|pixel| pixel[c]).collect());
     Ok(Image::new(&raw.name, raw.width, raw.height, rgb).ok_or("one colour per pixel")?)

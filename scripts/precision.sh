@@ -7,7 +7,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 cargo build --release
 target/release/tamis bench --precision fast standard exact --backend jit --radii 5 --rounds 3 \
-    --filters bilateral cross-bilateral kan2017 tamis-2 --output out/precision
+    --filters bilateral cross-bilateral kan2017 tamis --output out/precision
 document=docs/NUMERICS.md
 {
     sed '/^<!-- precisions/q' "$document"

@@ -15,7 +15,7 @@ cargo build --release
 tamis=target/release/tamis
 "$tamis" evolve --preset quick --out out --overwrite
 "$tamis" score --markdown --scenes data/test "$@" \
-    --filters bilateral cross-bilateral kan2017 out/best.toml tamis-2 tamis-formula tamis-fast tamis \
+    --filters bilateral cross-bilateral kan2017 out/best.toml tamis-formula tamis-fast tamis \
     > out/results.md
 "$tamis" sheet data/test/courtyard -o docs/courtyard.png --filters tamis
 
@@ -28,7 +28,7 @@ if [[ -n ${OIDN:-} ]]; then oidn=(--oidn "$OIDN"); fi
 {
     echo
     out/venv/bin/python scripts/standing.py errors "$tamis" --scenes data/test "$@" "${oidn[@]}" \
-        --filters cross-bilateral kan2017 tamis-2 tamis-formula tamis-fast tamis
+        --filters cross-bilateral kan2017 tamis-formula tamis-fast tamis
     echo
     out/venv/bin/python scripts/standing.py cleaner "$tamis" --scenes data/test \
         --filters tamis-formula tamis-fast tamis "${oidn[@]}" --qualities balanced

@@ -2,11 +2,9 @@
 
 mod fixture;
 
-use std::path::Path;
-
 use tamis::backend::{ACCURACY, Backend, Filtered, Interpreter, Rect};
 use tamis::expr::{Feature, Quantity, Tree, codebook};
-use tamis::filter::{Filter, Window};
+use tamis::filter::Window;
 use tamis::plan::{Passes, Plan};
 use tamis::scene::{Facts, LoadOptions, Needs, RawScene, Repair, Scene};
 
@@ -28,16 +26,12 @@ const DEPTH: Key = (Feature::Depth, Quantity::Value);
 type Named = (String, Tree, bool);
 
 fn filters() -> Vec<Named> {
-    let named = codebook::known().iter().map(|known| {
+    let named = codebook::known().iter();
+    let named = named.map(|known| {
         let positive = known.name != "kan2017";
         (known.name.to_owned(), known.weight.clone(), positive)
     });
-    let shipped = ["tamis-2"].map(|name| {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("data/filters/{name}.toml"));
-        let filter = Filter::read(&path).expect("it ships with the program");
-        (name.to_owned(), filter.paper().expect("one gather").weight.clone(), true)
-    });
-    named.chain(shipped).collect()
+    named.collect()
 }
 
 /// The scene with variances of its own, and one whose variances are estimated.

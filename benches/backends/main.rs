@@ -38,7 +38,7 @@ use tamis::backend::reference::oracle;
 use tamis::backend::{Backend, Executable, Filtered, Interpreter, Jit, Rect, Width};
 use tamis::evolve::{Coverage, Fitness, ImageFitness, TrainingScene};
 use tamis::expr::{Tree, codebook};
-use tamis::filter::{Filter, Gather, Window};
+use tamis::filter::{Gather, Window};
 use tamis::plan::{Passes, Plan, Precision, WindowPlan};
 use tamis::report::{Align, Format, Table, number};
 use tamis::scene::{Facts, LoadOptions, Needs, Scene, SceneFiles, discover, load_reference};
@@ -427,12 +427,8 @@ fn main() {
         .filter(|line| !line.starts_with('#'))
         .map(|text| text.parse().expect("bred trees are expressions"))
         .collect();
-    let shipped = Filter::read(&Path::new(DATA).join("filters/tamis-2.toml"));
-    let shipped =
-        shipped.expect("the project's own filter").paper().expect("one gather").weight.clone();
-    let mut named: Vec<(&str, &Tree)> =
+    let named: Vec<(&str, &Tree)> =
         codebook::known().iter().map(|known| (known.name, &known.weight)).collect();
-    named.push(("tamis-2", &shipped));
     let few = if once { 1 } else { usize::MAX };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     let (rows, measured, together) = pool.install(|| {

@@ -232,10 +232,7 @@ impl Error {
             Self::NoGpu => 1,
             #[cfg(feature = "gpu")]
             Self::Gpu(_) => 1,
-            Self::Usage(_)
-            | Self::Radius(_)
-            | Self::Denoise(DenoiseError::Radius(_))
-            | Self::Search(evolve::Error::Setting { .. }) => 2,
+            Self::Usage(_) | Self::Radius(_) | Self::Search(evolve::Error::Setting { .. }) => 2,
             Self::Renamed { status, .. } => *status,
             Self::Tuning(error) if matches!(**error, tune::Error::Setting { .. }) => 2,
             Self::Scene(_)

@@ -21,7 +21,7 @@ Examples:
   tamis export tamis --lang c -o tamis.c                    # and tamis.h
   tamis export tamis --lang wgsl -o tamis_wgsl              # a folder: kernels, manifest.json
   tamis export tamis --lang python --without depth -o tamis.py
-  tamis export tamis-2 --lang hlsl --precision fast -o tamis_2.hlsl
+  tamis export cross-bilateral --lang hlsl --precision fast -o cross_bilateral.hlsl
   tamis export bilateral --lang spirv -o bilateral.spv
   tamis export out/best.toml --lang latex
   tamis export 'exp(-distance2(normal, normal) / 0.1)' --lang wgsl --radius 6

@@ -74,11 +74,8 @@ impl Filters {
             let checked = filter.check().expect("only filters that make sense get here");
             return Ok(format!("{}\n\n{}", filter.name, show(&checked)));
         }
-        let every = || {
-            let stand_ins = shipped::stand_ins().map(|filter| filter.name);
-            resolve::names().into_iter().chain(stand_ins).collect()
-        };
-        let wanted = if self.filters.is_empty() { every() } else { self.filters.clone() };
+        let named = !self.filters.is_empty();
+        let wanted = if named { self.filters.clone() } else { resolve::names() };
         let mut entries = Vec::with_capacity(wanted.len());
         for text in wanted {
             entries.push(self.entry(resolve::resolve(&text, None)?));
@@ -115,13 +112,7 @@ impl Filters {
         let description = match known {
             Some(known) => known.doc.to_owned(),
             None if shipped::programs().any(|program| program.name == filter.name) => {
-                "written by hand, its constants tuned by gradients on data/train".to_owned()
-            }
-            None if shipped::bred().any(|bred| bred.name == filter.name) => {
-                "bred by this program".to_owned()
-            }
-            None if shipped::stand_ins().any(|stand_in| stand_in.name == filter.name) => {
-                "for files that hold no more guides than its name says".to_owned()
+                "written by hand, its constants tuned by gradients".to_owned()
             }
             None => "given on the command line".to_owned(),
         };
@@ -132,7 +123,7 @@ impl Filters {
             dilation: gather.window.dilation,
         });
         let stages = stages.collect();
-        let default = shipped::by_preference().next().is_some_and(|best| best.name == filter.name);
+        let default = shipped::best().name == filter.name;
         Entry { name: filter.name, description, default, stage_count, stages }
     }
 }

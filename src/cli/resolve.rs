@@ -7,10 +7,9 @@ use crate::expr::text::parse_scalar;
 use crate::expr::{Feature, codebook};
 use crate::filter::{Filter, Window, shipped};
 
-/// The names of the filters that are compared where none are named: those that were bred
-/// and those that are known. `--filter` knows the stand-ins' as well.
+/// The names of filters: those that ship, and those that are known.
 pub(super) fn names() -> Vec<String> {
-    let own = shipped::programs().chain(shipped::bred()).map(|filter| filter.name);
+    let own = shipped::programs().map(|filter| filter.name);
     own.chain(codebook::known().iter().map(|known| known.name.to_owned())).collect()
 }
 
@@ -20,8 +19,7 @@ pub(super) fn named(name: &str) -> Option<Filter> {
         let weight = codebook::named(name)?.clone();
         Some(Filter::single(name, weight, Window::DEFAULT_RADIUS))
     };
-    let shipped = shipped::programs().chain(shipped::bred()).chain(shipped::stand_ins());
-    shipped.into_iter().find(|filter| filter.name == name).or_else(known)
+    shipped::programs().find(|filter| filter.name == name).or_else(known)
 }
 
 /// The filter that a text stands for, with another radius if one is given.
@@ -86,8 +84,7 @@ mod tests {
 
     #[test]
     fn every_name_resolves() {
-        let stand_ins = shipped::stand_ins().map(|filter| filter.name);
-        for name in names().into_iter().chain(stand_ins) {
+        for name in names() {
             assert_eq!(resolve(&name, None).expect("a known name").name, name);
         }
     }

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use crate::backend::BackendError;
-use crate::filter::ResizeError;
 use crate::plan::PlanError;
 use crate::scene::SceneError;
 
@@ -13,9 +12,6 @@ pub enum DenoiseError {
     /// The file cannot be read, or lacks what the filter needs.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The filter has no such radius.
-    #[error(transparent)]
-    Radius(#[from] ResizeError),
     /// Layers cannot be filtered by a filter's weights.
     #[error(
         "{path}: filter `{filter}` gives no weighted mean of the colour, so that no other layer \

@@ -16,7 +16,6 @@
 //! Images that do not fit in memory are [spilled](crate::scene::SpilledScene) and filtered
 //! part by part, to the same bits.
 
-mod choice;
 mod code;
 mod error;
 mod feeds;
@@ -30,14 +29,13 @@ use std::sync::atomic::Ordering::Relaxed;
 use glob::Pattern;
 
 use crate::backend::{Backend, Watch};
-use crate::filter::Filter;
+use crate::filter::{Filter, shipped};
 use crate::image::Image;
 use crate::plan::{Passes, Precision};
 use crate::scene::listing::Aux;
 use crate::scene::mapping::Selection;
 use crate::scene::{LayerChannels, LoadOptions, Note, Scene, SpilledScene, Target, Weight};
 
-pub use choice::{Chosen, Why};
 pub use code::{Applied, Code, How, apply};
 pub use error::DenoiseError;
 pub use feeds::Feeds;
@@ -46,10 +44,8 @@ pub use whole::ATTRIBUTE;
 /// How images are denoised.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// With what. If nothing is said, with the best shipped filter that each file can feed.
+    /// With what; with the best shipped filter if nothing is said.
     pub filter: Option<Filter>,
-    /// With which radius, if a filter is chosen, in pixels.
-    pub radius: Option<u32>,
     /// How plans are made.
     pub passes: Passes,
     /// How scenes are loaded.
@@ -70,6 +66,7 @@ pub struct Options {
 /// Denoises images.
 pub struct Denoiser<'a> {
     backend: &'a dyn Backend,
+    filter: Filter,
     options: Options,
 }
 
@@ -82,7 +79,6 @@ pub struct Frame {
 struct Loaded {
     target: Target,
     pixels: Pixels,
-    chosen: Chosen,
     /// The filter of its layers, if there are any.
     carrying: Option<Filter>,
 }
@@ -98,7 +94,9 @@ pub struct Denoised {
     /// Its pictures, the best one first: mostly one, but as many as it has views and layers
     /// that are pictures of their own. There is at least one.
     pub pictures: Vec<Picture>,
-    /// What filtered it, and how accurately.
+    /// What it was filtered with.
+    pub filter: Filter,
+    /// What ran that, and how accurately.
     backend: &'static str,
     precision: Precision,
 }
@@ -112,8 +110,6 @@ pub struct Picture {
     pub image: Image,
     /// Layers that were filtered by the same weights.
     pub layers: Vec<Image>,
-    /// What it was filtered with.
-    pub chosen: Chosen,
     /// What was done to the scene on the way in.
     pub notes: Vec<Note>,
     /// What else there is to say.
@@ -123,7 +119,8 @@ pub struct Picture {
 impl<'a> Denoiser<'a> {
     /// One that filters on this back end.
     pub fn new(backend: &'a dyn Backend, options: Options) -> Self {
-        Self { backend, options }
+        let filter = options.filter.clone().unwrap_or_else(shipped::best);
+        Self { backend, filter, options }
     }
 
     /// What runs the filters.
@@ -158,8 +155,7 @@ impl<'a> Denoiser<'a> {
         target: Target,
         max_memory: Option<u64>,
     ) -> Result<Loaded, DenoiseError> {
-        let chosen = self.choose(&target)?;
-        let checked = chosen.filter.check().expect("only filters that make sense are chosen");
+        let checked = self.filter.check().expect("only filters that make sense get here");
         let (mut needs, mut reach) = (checked.needs(), checked.reach());
         let mut layers = target.layers(&self.options.layers)?;
         if let Some(alpha) = target.alpha().filter(|_| self.options.filters_alpha) {
@@ -168,9 +164,9 @@ impl<'a> Denoiser<'a> {
         }
         let carrying = match layers.is_empty() {
             true => None,
-            false => Some(chosen.filter.carrying().ok_or_else(|| DenoiseError::Carries {
+            false => Some(self.filter.carrying().ok_or_else(|| DenoiseError::Carries {
                 path: target.path().to_owned(),
-                filter: chosen.filter.name.clone(),
+                filter: self.filter.name.clone(),
             })?),
         };
         if let Some(carrying) = &carrying {
@@ -199,7 +195,7 @@ impl<'a> Denoiser<'a> {
             false => Pixels::InMemory(Box::new(Scene::of(&target, &layers, &needs, reach, load)?)),
             true => Pixels::Spilled(Box::new(SpilledScene::load(&target, &needs, reach, load)?)),
         };
-        Ok(Loaded { target, pixels, chosen, carrying })
+        Ok(Loaded { target, pixels, carrying })
     }
 
     /// Filters a frame.
@@ -228,7 +224,7 @@ impl<'a> Denoiser<'a> {
         let pictures = pictures.map(|loaded| self.filter_picture(loaded, &watch));
         let pictures = pictures.collect::<Result<_, _>>()?;
         let (backend, precision) = (self.backend.name(), self.options.passes.precision);
-        Ok(Denoised { pictures, backend, precision })
+        Ok(Denoised { pictures, filter: self.filter.clone(), backend, precision })
     }
 
     /// Rows that are filtered of a picture, each as often as there is something to filter.
@@ -244,8 +240,8 @@ impl<'a> Denoiser<'a> {
     }
 
     fn filter_picture(&self, loaded: Loaded, watch: &Watch<'_>) -> Result<Picture, DenoiseError> {
-        let Loaded { target, pixels, chosen, carrying } = loaded;
-        let filter = &chosen.filter;
+        let Loaded { target, pixels, carrying } = loaded;
+        let filter = &self.filter;
         let (passes, strength) = (self.options.passes, self.options.strength.unwrap_or(1.0));
         let how = How { passes, strength, watch };
         let mut layers = Vec::new();
@@ -278,7 +274,7 @@ impl<'a> Denoiser<'a> {
         if let Some(alpha) = layers.last().filter(|_| self.filters_alpha_of(&target)) {
             image = image.with_alpha(Some(alpha.rgb()[0].to_vec()));
         }
-        Ok(Picture { target, image, layers, chosen, notes, applied })
+        Ok(Picture { target, image, layers, notes, applied })
     }
 }
 

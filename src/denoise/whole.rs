@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-use super::{DenoiseError, Denoised, Picture};
+use super::{DenoiseError, Denoised};
 use crate::image::Image;
 use crate::image::exr::{Lost, Replacement, rewrite};
 use crate::image::files::Format;
@@ -80,16 +80,9 @@ impl Denoised {
     /// precision.
     fn provenance(&self) -> String {
         let version = env!("CARGO_PKG_VERSION");
-        let mut filters: Vec<String> = Vec::new();
-        for Picture { chosen, .. } in &self.pictures {
-            let filter = &chosen.filter;
-            let name = format!("filter {} ({:016x})", filter.name, filter.fingerprint());
-            if !filters.contains(&name) {
-                filters.push(name);
-            }
-        }
-        let (backend, precision) = (self.backend, self.precision.name());
-        format!("tamis {version}, {}, {backend}, {precision}", filters.join(", "))
+        let (filter, backend, precision) = (&self.filter, self.backend, self.precision.name());
+        let (name, fingerprint) = (&filter.name, filter.fingerprint());
+        format!("tamis {version}, filter {name} ({fingerprint:016x}), {backend}, {precision}")
     }
 }
 

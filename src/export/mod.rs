@@ -48,7 +48,7 @@ pub enum ExportError {
     /// It is a program, where a single weight is asked for.
     #[error(
         "filter `{filter}` is a program of {stages} stages, and no single weight over the noisy \
-         colour; export the program as it is, or choose a filter of one weight such as `tamis-2`"
+         colour; export the program as it is, or choose a filter of one weight such as `bilateral`"
     )]
     Stages {
         /// The filter's name.

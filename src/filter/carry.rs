@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn every_shipped_filter_carries_another_picture() {
-        for filter in shipped::by_preference() {
+        for filter in shipped::programs() {
             let carrying = filter.carrying().unwrap_or_else(|| panic!("{}", filter.name));
             let last = carrying.stages.last().expect("some");
             assert!(last.name.starts_with("carried_"), "{}", last.name);

@@ -22,10 +22,8 @@ pub mod file;
 pub mod shipped;
 mod show;
 
-use std::collections::BTreeSet;
-
 use crate::expr::constants::Constants;
-use crate::expr::feature::{Feature, PlaneId};
+use crate::expr::feature::Feature;
 use crate::expr::symbol::Symbol;
 use crate::expr::tree::Tree;
 
@@ -268,18 +266,6 @@ impl Filter {
             }
         }
         Ok(self)
-    }
-
-    /// The features that the filter reads something of that a scene does not provide and
-    /// nothing stands in for, each once, in the feature table's order.
-    ///
-    /// # Panics
-    /// If the filter makes no sense: see [`Filter::check`].
-    pub fn lacking(&self, provides: impl Fn(PlaneId) -> bool) -> Vec<Feature> {
-        let required = self.check().expect("the filter makes sense").required();
-        let planes = required.named().into_iter().flatten();
-        let lacking = planes.filter(|&&plane| !provides(plane)).map(|plane| plane.feature);
-        lacking.collect::<BTreeSet<Feature>>().into_iter().collect()
     }
 
     /// The gathers, in order.

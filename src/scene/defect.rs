@@ -135,8 +135,8 @@ const ROUNDED: f32 = 1.0 / 1024.0;
 /// over few samples gives albedos above 1 too. Weights do not expect them. Most are made
 /// of functions that fall with a distance, and to those a guide that is far off does no
 /// harm: the pixel is alone. But bred weights may rise again, as d^(-d²) does from a
-/// distance of 0.6 on: at 2.5 it is what it never is below 1, and `tamis-2` filled a lamp
-/// of albedo 3 with the wall around it, and the wall with the lamp.
+/// distance of 0.6 on: at 2.5 it is what it never is below 1, and a bred filter filled a
+/// lamp of albedo 3 with the wall around it, and the wall with the lamp.
 ///
 /// What has no bounds by its nature can still be far from everything else: the colour and
 /// the direct light of a lamp, in units of the exposure; positions and depths of a far

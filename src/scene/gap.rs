@@ -65,13 +65,13 @@ fn pairs((width, height): (usize, usize), missing: &[Window]) -> Vec<(u32, u32)>
     let mut columns = Vec::new();
     let mut pairs = Vec::new();
     for y in 0..height {
-        for x in 0..width {
+        for (x, above) in above.iter_mut().enumerate() {
             let k = y * width + x;
             if is_there[k] {
-                above[x] = y as u32;
+                *above = y as u32;
                 continue;
             }
-            let near = [above[x], below[k]].into_iter().filter(|&row| row != NONE);
+            let near = [*above, below[k]].into_iter().filter(|&row| row != NONE);
             let Some(row) = near.min_by_key(|row| row.abs_diff(y as u32)) else { continue };
             // As far behind the edge as the pixel is before it.
             let (row, y) = (row as usize, y as i64);

@@ -3,7 +3,9 @@
 
 mod documents;
 mod exports;
+mod features;
 mod frames;
+mod made;
 mod place;
 mod search;
 mod sequences;
@@ -198,7 +200,7 @@ fn errors_name_what_is_at_fault_and_leave_nothing_behind() {
     place.fails(
         1,
         &with("room/4spp.exr", "exp(-distance2(worldPosition, worldPosition))"),
-        &["room/4spp.exr", "`worldPosition`", "Position.X", "Normal.X"],
+        &["room/4spp.exr", "`position`", "Position.X", "Normal.X"],
     );
     let nowhere = ["denoise", "room/4spp.exr", "-o", "no/such/out.exr", "--filter", "1"];
     place.fails(1, &nowhere, &["no/such/out.exr"]);

@@ -15,7 +15,7 @@ use tamis::scene::{Facts, Scene};
 
 use crate::every::hostile_names;
 use crate::fixture::{bred, parse, scene};
-use crate::{bytes as export_as, known_and_shipped, text};
+use crate::{bytes as export_as, known, text};
 
 pub(crate) const CASES: &[(&str, fn())] = &[
     ("c::named_and_shipped_filters_give_the_interpreters_bits", named_and_shipped_filters),
@@ -218,7 +218,7 @@ fn scenes() -> [Scene; 3] {
 
 fn named_and_shipped_filters() {
     let windows = [Window::dense(2), Window::dense(16), Window { radius: 3, dilation: 2 }];
-    let filters: Vec<Filter> = known_and_shipped()
+    let filters: Vec<Filter> = known()
         .iter()
         .flat_map(|filter| {
             windows.map(|window| (filter.paper().expect("one gather").weight.to_string(), window))

@@ -6,7 +6,7 @@ use tamis::filter::Filter;
 use tamis::plan::Precision;
 
 use crate::fixture::parse;
-use crate::{bytes, known_and_shipped, text};
+use crate::{bytes, known, text};
 
 pub(crate) const CASES: &[(&str, fn())] = &[
     ("every::named_filters_are_written_as_they_were", named_filters_are_written_as_they_were),
@@ -153,7 +153,7 @@ fn every_term_is_explained() {
 #[cfg(not(feature = "gpu"))]
 fn shading_languages_want_the_feature() {
     for language in Language::ALL {
-        let result = export(&known_and_shipped()[0], language, &Options::default());
+        let result = export(&known()[0], language, &Options::default());
         match language {
             Language::C | Language::Latex | Language::Python => assert!(result.is_ok()),
             Language::Shading(_) => {
@@ -165,7 +165,7 @@ fn shading_languages_want_the_feature() {
 }
 
 fn named_filters_are_written_as_they_were() {
-    for filter in known_and_shipped() {
+    for filter in known() {
         for language in languages() {
             let is_kept = match language {
                 Language::Latex | Language::Shading(Shading::Wgsl) => {

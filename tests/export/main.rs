@@ -19,7 +19,6 @@ mod python;
 #[cfg(feature = "gpu")]
 mod shading;
 
-use std::path::Path;
 use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Trial};
@@ -58,12 +57,10 @@ fn text(filter: &Filter, language: Language) -> String {
     String::from_utf8(bytes).expect("the language is text")
 }
 
-/// The filters that have names of their own, those that are shipped among them.
-fn known_and_shipped() -> Vec<Filter> {
-    let known = codebook::known()
-        .iter()
-        .map(|known| Filter::single(known.name, known.weight.clone(), Window::DEFAULT_RADIUS));
-    let shipped = ["data/filters/tamis-2.toml"]
-        .map(|path| Filter::read(Path::new(path)).expect("it is shipped"));
-    known.chain(shipped).collect()
+/// The single weights that have names.
+fn known() -> Vec<Filter> {
+    let known = codebook::known().iter();
+    known
+        .map(|known| Filter::single(known.name, known.weight.clone(), Window::DEFAULT_RADIUS))
+        .collect()
 }

@@ -17,7 +17,7 @@ use crate::fixture::{prepare, raw_with, scene};
 use crate::fixture_programs::{SAMPLE, random};
 use crate::harness::{is_required, trial};
 use crate::programs::parse;
-use crate::{exported, known_and_shipped};
+use crate::{exported, known};
 
 /// The tests, ignored where there is no Python with NumPy.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -127,7 +127,7 @@ fn random_programs() {
 }
 
 fn single_weights() {
-    let mut filters = known_and_shipped();
+    let mut filters = known();
     for gather in filters.iter_mut().flat_map(Filter::gathers_mut) {
         gather.window.radius = 2;
     }

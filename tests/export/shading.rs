@@ -15,7 +15,7 @@ use crate::fixture::{bred, parse};
 use crate::fixture_programs::{SAMPLE, random};
 use crate::harness::{is_required, trial};
 use crate::programs::parse as parse_program;
-use crate::{bytes, known_and_shipped};
+use crate::{bytes, known};
 
 pub(crate) const CASES: &[(&str, fn())] = &[
     ("shading::wgsl_is_valid", wgsl_is_valid),
@@ -57,7 +57,7 @@ enum Length {
 type Case = (&'static str, Length, fn() -> Files);
 
 const CASES_OF_A_CHECKER: &[Case] = &[
-    ("named_filters_compile", Length::Short, || in_every_precision(known_and_shipped())),
+    ("named_filters_compile", Length::Short, || in_every_precision(known())),
     ("weights_of_every_shape_compile", Length::Short, || in_every_precision(shapes())),
     ("bred_filters_compile", Length::Long, || in_every_precision(bred_filters())),
     ("any_name_compiles", Length::Long, || {
@@ -315,7 +315,7 @@ fn shapes() -> Vec<Filter> {
 }
 
 fn every_filter() -> Vec<Filter> {
-    [known_and_shipped(), bred_filters(), shapes()].concat()
+    [known(), bred_filters(), shapes()].concat()
 }
 
 fn shader(filter: &Filter, shading: Shading, precision: Precision) -> String {

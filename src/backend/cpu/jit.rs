@@ -360,21 +360,17 @@ mod tests {
 
     use super::*;
     use crate::expr::{Tree, codebook};
-    use crate::filter::{Filter, Window};
+    use crate::filter::Window;
     use crate::plan::Passes;
     use crate::scene::Facts;
 
-    /// The filters that are known by name, those that ship, and bred ones.
+    /// The weights that are known by name, and bred ones.
     fn filters() -> Vec<Tree> {
         let named = codebook::known().iter().map(|known| known.weight.clone());
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let shipped = ["data/filters/tamis-2.toml"];
-        let shipped = shipped.map(|file| Filter::read(&root.join(file)).expect("it ships"));
-        let shipped = shipped.map(|filter| filter.paper().expect("one gather").weight.clone());
         let bred = include_str!("../../../tests/fixture/bred.txt").lines();
         let bred = bred.filter(|line| !line.starts_with('#') && !line.is_empty());
         let bred = bred.map(|line| line.parse().expect("the fixture is sound"));
-        named.chain(shipped).chain(bred).collect()
+        named.chain(bred).collect()
     }
 
     /// Code for AArch64, which most machines that test cannot run, is verified and calls

@@ -39,7 +39,7 @@ use oidn::{Given, Oidn};
 const EXAMPLES: &str = "\
 Examples:
   tamis bench
-  tamis bench --filters tamis-2 kan2017 --radii 5 8 10 --rounds 9
+  tamis bench --filters tamis cross-bilateral --radii 5 8 10 --rounds 9
   tamis bench --backend jit gpu --gpu 0
   tamis bench --cc clang gcc --oidn ~/oidn/bin/oidnDenoise -o out/rivals
 

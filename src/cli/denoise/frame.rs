@@ -9,6 +9,7 @@ use super::timings::Timings;
 use crate::cli::apply::reach;
 use crate::cli::error::Error;
 use crate::denoise::{self, Applied, Denoised, Denoiser, Feeds, Picture};
+use crate::filter::Filter;
 use crate::image::{Image, listing};
 use crate::report::number;
 use crate::scene::Note;
@@ -87,10 +88,10 @@ impl Job<'_> {
         let lost = self.form.save(&filtered.denoised, target, self.exposure)?;
         let write = start.elapsed();
         let mut timings = Timings { load: filtered.loading, write, ..Timings::default() };
-        let pictures = &filtered.denoised.pictures;
-        for Picture { image, chosen, applied, .. } in pictures {
+        let Denoised { pictures, filter, .. } = &filtered.denoised;
+        let taps: usize = filter.gathers().map(|gather| gather.window.taps()).sum();
+        for Picture { image, applied, .. } in pictures {
             let (width, height) = image.size();
-            let taps: usize = chosen.filter.gathers().map(|gather| gather.window.taps()).sum();
             timings.plan += applied.planning;
             timings.compile += applied.compilation;
             timings.filter += applied.filtering;
@@ -104,10 +105,10 @@ impl Job<'_> {
         });
         let mut remarks: Vec<Remark> = recompressed.collect();
         for picture in pictures {
-            remarks.extend(self.remarks(frame, picture));
+            remarks.extend(self.remarks(frame, filter, picture));
         }
         let feeds = pictures.iter().map(|picture| Feeds(&picture.target).to_string()).collect();
-        let filter = pictures[0].chosen.filter.name.clone();
+        let filter = filter.name.clone();
         let left_out = match self.form {
             Form::Exr => Vec::new(),
             Form::Png | Form::Pfm => filtered.denoised.beside_the_picture(),
@@ -120,24 +121,23 @@ impl Job<'_> {
     }
 
     /// What there is to say of a picture.
-    fn remarks(&self, frame: &Frame, picture: &Picture) -> Vec<Remark> {
-        let Picture { target, image, layers, chosen, notes, applied } = picture;
+    fn remarks(&self, frame: &Frame, filter: &Filter, picture: &Picture) -> Vec<Remark> {
+        let Picture { target, image, layers, notes, applied } = picture;
         let Applied { kept, filtering, .. } = applied;
         let which = target.mapping().which().to_string();
         let which = if which.is_empty() { which } else { format!(" {which}:") };
         let input = format!("{}:{which}", frame.input_name());
         let output = format!("{}:{which}", frame.output_name());
         let (width, height) = image.size();
-        let why = chosen.why.iter().map(|why| Remark::Detail(format!("{input} {why}")));
-        // A filter that is chosen for a file is made for estimates, too.
+        // The filter that nobody named is made for estimates, too.
         let is_told = |note: &&Note| self.is_named || !matches!(note, Note::EstimatedVariance(_));
         let notes = notes.iter().filter(is_told).map(|note| match note.is_warning() {
             true => Remark::Warning(format!("{input} {note}")),
             false => Remark::Detail(format!("{input} {note}")),
         });
-        let mut remarks: Vec<Remark> = notes.chain(why).collect();
-        for (stage, &kept) in chosen.filter.stages.iter().zip(kept).filter(|(_, kept)| **kept > 0) {
-            let (of, what) = match chosen.filter.paper() {
+        let mut remarks: Vec<Remark> = notes.collect();
+        for (stage, &kept) in filter.stages.iter().zip(kept).filter(|(_, kept)| **kept > 0) {
+            let (of, what) = match filter.paper() {
                 Some(_) => (String::new(), "the noisy colour"),
                 None => (format!("stage `{}`: ", stage.name), "what was to be averaged"),
             };
@@ -158,8 +158,8 @@ impl Job<'_> {
         }
         remarks.push(Remark::Detail(format!(
             "{output} {width}x{height} pixels, filter `{}`, radius {}, {}, {}",
-            chosen.filter.name,
-            reach(&chosen.filter),
+            filter.name,
+            reach(filter),
             self.denoiser.backend().name(),
             number::duration(*filtering),
         )));

@@ -27,6 +27,7 @@ use super::log::Log;
 use super::options::Running;
 use super::resolve::resolve;
 use crate::denoise::{Denoiser, Options};
+use crate::filter::shipped;
 use crate::report::number;
 use files::{Files, Frame};
 use form::Form;
@@ -157,13 +158,15 @@ impl Denoise {
             return Ok(String::new());
         }
         let radius = self.running.radius;
-        let filter = self.filter.as_ref().map(|text| resolve(text, radius)).transpose()?;
+        let filter = match &self.filter {
+            Some(text) => resolve(text, radius)?,
+            None => resolve(&shipped::best().name, radius)?,
+        };
         let Opened { backend, frames } = self.running.backend.open(log)?;
         // One frame is read and one written while others are filtered.
         let flying = files.len().min(frames.get() + 2) as u64;
         let options = Options {
-            filter,
-            radius,
+            filter: Some(filter),
             passes: self.running.passes(),
             load: self.running.load_options(),
             selection: self.sources.selection(),

@@ -22,7 +22,7 @@ use engines::Opened;
 
 const EXAMPLES: &str = "\
 Examples:
-  tamis stress tamis-2
+  tamis stress tamis
   tamis stress tamis
   tamis stress out/best.toml --scenes data/train data/test
   tamis stress 'exp(-distance2(normal, normal) / 0.1)' --scenes render.exr --json
