@@ -119,8 +119,8 @@ pub(super) fn program(subject: &ProgramSubject<'_>) -> String {
 const PREAMBLE: &[&str] = &[
     r"\documentclass{article}",
     r"\usepackage{amsmath,multicol}",
-    r"\usepackage[a3paper,margin=1cm]{geometry}",
-    r"\setlength{\jot}{0pt}",
+    r"\usepackage[a3paper,margin=8mm]{geometry}",
+    r"\setlength{\jot}{0pt}\setlength{\columnsep}{3mm}",
     r"\begin{document}",
     r"\begin{multicols}{2}\tiny\noindent",
 ];

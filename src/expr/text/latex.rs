@@ -83,7 +83,10 @@ pub fn latex_name(name: &str) -> String {
 }
 
 /// Sums whose text is longer than this are set on several lines.
-const LONG: usize = 260;
+const LONG: usize = 230;
+
+/// Operands of a function that stand in a row.
+const ROW: usize = 3;
 
 /// A tree, ready to be typeset from any of its nodes.
 struct Typesetter<'a> {
@@ -235,7 +238,11 @@ impl<'a> Typesetter<'a> {
                 Symbol::Many(function, _) => {
                     let name = function.name();
                     text.push_str(&format!(r"\operatorname{{{name}}}"));
-                    pieces.extend(called(r"\left(", r"\right)", r",\, "));
+                    // What is many stands in rows.
+                    pieces.extend(match self.operands(position).len() > ROW {
+                        true => rows(self.operands(position)),
+                        false => called(r"\left(", r"\right)", r",\, "),
+                    });
                 }
                 Symbol::Linear(_) => {
                     let name = self.scope.spelling(symbol).replace('_', r"\_");
@@ -251,6 +258,21 @@ impl<'a> Typesetter<'a> {
     fn extent(&self, position: usize) -> usize {
         position + 1 - self.starts[position]
     }
+}
+
+/// Operands in parentheses, so many to a row.
+fn rows(operands: Vec<usize>) -> Vec<Piece> {
+    let mut pieces = vec![Piece::Text(r"\end{gathered}\right)".into())];
+    for (k, operand) in operands.into_iter().enumerate().rev() {
+        pieces.push(Piece::Subtree(operand, Around::Enclosed, ""));
+        match k % ROW {
+            _ if k == 0 => {}
+            0 => pieces.push(Piece::Text(r",\\ ".into())),
+            _ => pieces.push(Piece::Text(r",\, ".into())),
+        }
+    }
+    pieces.push(Piece::Text(r"\left(\begin{gathered}".into()));
+    pieces
 }
 
 /// What is left to print.
