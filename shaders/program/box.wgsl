@@ -1,12 +1,6 @@
-{# A mean by equal weights: sums down the columns, and then means of these along the rows. -#}
-@compute @workgroup_size({{ workgroup[0] }}, {{ workgroup[1] }})
-fn {{ name }}(@builtin(global_invocation_id) id: vec3<u32>) {
-    let at = vec2<i32>(id.xy);
-    let size = params.{{ size }};
-    if (any(at >= size)) {
-        return;
-    }
-    let place = u32(at.y * size.x + at.x);
+{# A mean by equal weights: sums down the columns, and then means of these along the rows. #}
+{% extends "program/kernel.wgsl" %}
+{% block pixel %}
 {%- for k in 0..channels.len() %}
     var sum_{{ k }} = 0f;
 {%- endfor %}
@@ -44,4 +38,4 @@ fn {{ name }}(@builtin(global_invocation_id) id: vec3<u32>) {
     planes[{{ to }} + place] = sum_{{ loop.index0 }};
 {%- endfor %}
 {%- endif %}
-}
+{%- endblock %}

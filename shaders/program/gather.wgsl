@@ -1,12 +1,6 @@
-{# A weighted mean over a window. Sums are made in short runs, so that rounding errors do not add up. -#}
-@compute @workgroup_size({{ workgroup[0] }}, {{ workgroup[1] }})
-fn {{ name }}(@builtin(global_invocation_id) id: vec3<u32>) {
-    let at = vec2<i32>(id.xy);
-    let size = params.{{ size }};
-    if (any(at >= size)) {
-        return;
-    }
-    let place = u32(at.y * size.x + at.x);
+{# A weighted mean over a window. Sums are made in short runs, so that rounding errors do not add up. #}
+{% extends "program/kernel.wgsl" %}
+{% block pixel %}
 {%- for read in at_i %}
     let {{ read.0 }} = {{ read.1 }} + place];
 {%- endfor %}
@@ -64,4 +58,4 @@ fn {{ name }}(@builtin(global_invocation_id) id: vec3<u32>) {
     if (!trusted && all(pixel >= vec2<i32>(0)) && all(pixel < params.wanted)) {
         atomicAdd(&kept[{{ stage }}], 1u);
     }
-}
+{%- endblock %}

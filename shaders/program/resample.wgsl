@@ -1,12 +1,6 @@
-{# Planes on the other grid. -#}
-@compute @workgroup_size({{ workgroup[0] }}, {{ workgroup[1] }})
-fn {{ name }}(@builtin(global_invocation_id) id: vec3<u32>) {
-    let at = vec2<i32>(id.xy);
-    let size = params.{{ size }};
-    if (any(at >= size)) {
-        return;
-    }
-    let place = u32(at.y * size.x + at.x);
+{# Planes on the other grid. #}
+{% extends "program/kernel.wgsl" %}
+{% block pixel %}
 {%- if is_half %}
     // The mean of four pixels.
     let upper_left = place_of(2 * at, params.size);
@@ -38,4 +32,4 @@ fn {{ name }}(@builtin(global_invocation_id) id: vec3<u32>) {
     planes[{{ plane.to }} + place] = near_{{ loop.index0 }} + 0.25f * (far_{{ loop.index0 }} - near_{{ loop.index0 }});
 {%- endif %}
 {%- endfor %}
-}
+{%- endblock %}

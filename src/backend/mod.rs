@@ -201,10 +201,12 @@ pub trait Executable: Send + Sync {
     /// If the scene lacks a plane that the plan's weights read; if the code relies on the
     /// plan's [facts](crate::plan::WindowPlan::facts) and they do not hold of the scene; if a
     /// rectangle lies outside of it; if the device fails.
-    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError>;
+    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+        self.run_watched(scene, region, &|_| {})
+    }
 
     /// The same, and tells how far it is: rows of the region's rectangles as they are done, all
-    /// of them when it returns. A back end that does not know before tells of all at the end.
+    /// of them when it returns.
     ///
     /// # Errors
     /// Those of [`run`](Self::run).
@@ -213,11 +215,7 @@ pub trait Executable: Send + Sync {
         scene: &Scene,
         region: &[Rect],
         watch: &Watch<'_>,
-    ) -> Result<Vec<Filtered>, BackendError> {
-        let filtered = self.run(scene, region)?;
-        watch(region.iter().map(|rect| rect.height).sum());
-        Ok(filtered)
-    }
+    ) -> Result<Vec<Filtered>, BackendError>;
 }
 
 /// Whoever is told, from any thread, that so many more rows are done.

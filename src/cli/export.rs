@@ -104,6 +104,10 @@ impl Export {
         };
         match exported {
             Exported::Single(bytes) => write_atomically(path, &bytes)?,
+            // Beside a pipe or a device stands no header.
+            Exported::WithHeader { code, .. } if path.exists() && !path.is_file() => {
+                write_atomically(path, &code)?;
+            }
             Exported::WithHeader { code, header } => {
                 let beside = path.with_extension("h");
                 if beside == *path {

@@ -85,10 +85,6 @@ struct GuardedCode {
 }
 
 impl Executable for GuardedCode {
-    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
-        self.run_watched(scene, region, &|_| {})
-    }
-
     fn run_watched(
         &self,
         scene: &Scene,
@@ -158,12 +154,17 @@ mod tests {
     }
 
     impl Executable for MortalCode {
-        fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+        fn run_watched(
+            &self,
+            scene: &Scene,
+            region: &[Rect],
+            watch: &Watch<'_>,
+        ) -> Result<Vec<Filtered>, BackendError> {
             match self.left.load(Ordering::Relaxed) {
                 0 => Err(lost()),
                 left => {
                     self.left.store(left - 1, Ordering::Relaxed);
-                    self.inner.run(scene, region)
+                    self.inner.run_watched(scene, region, watch)
                 }
             }
         }

@@ -1,7 +1,6 @@
-{# A weighted mean over a window. -#}
-/* {{ doc }} */
-static void {{ function }}(const struct {{ name }}_run *run)
-{
+{# A weighted mean over a window. #}
+{% extends "c/kernel.c" %}
+{% block tables %}
 {%- if !runs.is_empty() %}
     /* Taps side by side: columns right of the pixel, rows below it, how many, how far apart. */
     static const int taps[{{ runs.len() }}][4] = {
@@ -18,14 +17,8 @@ static void {{ function }}(const struct {{ name }}_run *run)
 {%- endfor %}
     };
 {%- endif %}
-    const int *const size = run->{{ size }};
-{%- for pointer in pointers %}
-    {{ pointer }};
-{%- endfor %}
-    {{ upper }}_ROWS
-    for (int y = 0; y < size[1]; ++y) {
-        for (int x = 0; x < size[0]; ++x) {
-            const size_t i = (size_t)y * (size_t)size[0] + (size_t)x;
+{%- endblock %}
+{% block pixel %}
 {%- for line in at_i %}
             {{ line }}
 {%- endfor %}
@@ -85,6 +78,4 @@ static void {{ function }}(const struct {{ name }}_run *run)
 {%- for mean in means %}
             {{ mean.to }}[i] = {{ name }}_kept(trusted, sum_{{ loop.index0 }} / total{% if mean.squared %} / total{% endif %}, {{ mean.lo }}, {{ mean.hi }}, {{ mean.from }}[i]);
 {%- endfor %}
-        }
-    }
-}
+{%- endblock %}

@@ -1,15 +1,6 @@
-{# A value at every pixel. -#}
-/* {{ doc }} */
-static void {{ function }}(const struct {{ name }}_run *run)
-{
-    const int *const size = run->{{ size }};
-{%- for pointer in pointers %}
-    {{ pointer }};
-{%- endfor %}
-    {{ upper }}_ROWS
-    for (int y = 0; y < size[1]; ++y) {
-        for (int x = 0; x < size[0]; ++x) {
-            const size_t i = (size_t)y * (size_t)size[0] + (size_t)x;
+{# A value at every pixel. #}
+{% extends "c/kernel.c" %}
+{% block pixel %}
 {%- for line in reads %}
             {{ line }}
 {%- endfor %}
@@ -19,6 +10,4 @@ static void {{ function }}(const struct {{ name }}_run *run)
 {%- for (to, value) in writes %}
             {{ to }}[i] = {{ value }} + 0.0f;
 {%- endfor %}
-        }
-    }
-}
+{%- endblock %}

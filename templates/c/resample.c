@@ -1,15 +1,6 @@
-{# A plane on the other grid. -#}
-/* {{ doc }} */
-static void {{ function }}(const struct {{ name }}_run *run)
-{
-    const int *const size = run->{{ size }};
-{%- for pointer in pointers %}
-    {{ pointer }};
-{%- endfor %}
-    {{ upper }}_ROWS
-    for (int y = 0; y < size[1]; ++y) {
-        for (int x = 0; x < size[0]; ++x) {
-            const size_t i = (size_t)y * (size_t)size[0] + (size_t)x;
+{# A plane on the other grid. #}
+{% extends "c/kernel.c" %}
+{% block pixel %}
 {%- if let Some(value) = value %}
             {{ to }}[i] = {{ value }};
 {%- else if is_half %}
@@ -28,6 +19,4 @@ static void {{ function }}(const struct {{ name }}_run *run)
                 {{ from }}[{{ name }}_at(run->half_size, beside, other)]);
             {{ to }}[i] = {{ name }}_quarter(nearest, farther);
 {%- endif %}
-        }
-    }
-}
+{%- endblock %}

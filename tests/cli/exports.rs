@@ -32,6 +32,9 @@ fn exports_go_to_stdout_or_whole_into_a_file() {
     let code = place.done(&["export", "2.toml", "--lang", "c"]);
     assert!(code.contains("int twice_filter(") && code.contains("size_t twice_scratch("), "{code}");
     place.done(&["export", "2.toml", "--lang", "c", "-o", "twice.c"]);
+    if cfg!(unix) {
+        assert_eq!(place.done(&["export", "2.toml", "--lang", "c", "-o", "/dev/stdout"]), code);
+    }
     assert_eq!(place.bytes("twice.c"), code.into_bytes());
     let header = String::from_utf8(place.bytes("twice.h")).expect("C is text");
     assert!(header.contains("struct twice_inputs {") && !header.contains("#include <math.h>"));

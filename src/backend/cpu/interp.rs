@@ -70,10 +70,6 @@ impl Differentiator for Interpreter {
 }
 
 impl Executable for Interpreted {
-    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
-        self.run_watched(scene, region, &|_| {})
-    }
-
     fn run_watched(
         &self,
         scene: &Scene,

@@ -190,10 +190,6 @@ impl Differentiator for Jit {
 }
 
 impl Executable for WindowCode {
-    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
-        self.run_watched(scene, region, &|_| {})
-    }
-
     fn run_watched(
         &self,
         scene: &Scene,

@@ -11,12 +11,12 @@ use rayon::prelude::*;
 
 use super::pack::Features;
 use super::run::{Kernels, WORK, run};
-use super::slots::{Needs, Slot, TIMESTAMPS};
+use super::slots::{Needs, Slot};
 use super::tiles::Tile;
 use super::{Device, GpuError, Opened};
 use crate::backend::shader::QUAD;
 use crate::backend::shader::program::{KernelShader, ProgramShader, WORKGROUP};
-use crate::backend::{BackendError, Executable, Filtered, Rect, holds, inside};
+use crate::backend::{BackendError, Executable, Filtered, Rect, Watch, holds, inside};
 use crate::filter::Grid;
 use crate::plan::Program;
 use crate::scene::plane::Layout;
@@ -61,13 +61,18 @@ impl ProgramCode {
 }
 
 impl Executable for ProgramCode {
-    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &Watch<'_>,
+    ) -> Result<Vec<Filtered>, BackendError> {
         holds(&self.program.facts, scene)?;
         inside(scene, region)?;
         if scene.normalization().color_scale != ColorScale::Linear {
             return Err(BackendError::ColorScale);
         }
-        run(&self.gpu, &self.over(scene)?, scene, region)
+        run(&self.gpu, &self.over(scene)?, scene, region, watch)
     }
 }
 
@@ -203,30 +208,12 @@ impl SceneProgram<'_> {
                 encoder.copy_buffer_to_buffer(&slot.upload, 0, &slot.near, 0, needs.near);
                 encoder.clear_buffer(&slot.kept, 0, None);
             }
-            let timestamps =
-                slot.clock.as_ref().map(|(queries, _)| wgpu::ComputePassTimestampWrites {
-                    query_set: queries,
-                    beginning_of_pass_write_index: (k == 0).then_some(0),
-                    end_of_pass_write_index: (k == last).then_some(1),
-                });
-            // A pass that writes no timestamp may not say that it does.
-            let timestamps = timestamps.filter(|_| k == 0 || k == last);
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: None,
-                timestamp_writes: timestamps,
-            });
+            let mut pass = slot.pass(&mut encoder, k == 0, k == last);
             pass.set_bind_group(0, &group, &[]);
             kernels.for_each(|k| self.dispatch(&mut pass, k, tile));
             drop(pass);
             if k == last {
-                encoder.copy_buffer_to_buffer(&slot.result, 0, &slot.back, 0, needs.result);
-                let start = needs.kept_start();
-                encoder.copy_buffer_to_buffer(&slot.kept, 0, &slot.back, start, needs.kept);
-                if let Some((queries, resolved)) = &slot.clock {
-                    let start = needs.timestamps_start();
-                    encoder.resolve_query_set(queries, 0..2, resolved, 0);
-                    encoder.copy_buffer_to_buffer(resolved, 0, &slot.back, start, TIMESTAMPS);
-                }
+                slot.read_back(&mut encoder, needs);
             }
             encoder.finish()
         };

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::slots::{Lease, Needs, SLOTS, Slot, TIMESTAMPS};
 use super::tiles::{Tile, tiles};
 use super::{GpuError, Opened};
-use crate::backend::{BackendError, Filtered, Rect};
+use crate::backend::{BackendError, Filtered, Rect, Watch};
 use crate::scene::Scene;
 use crate::scene::plane::Layout;
 
@@ -58,6 +58,7 @@ pub(super) fn run(
     kernels: &impl Kernels,
     scene: &Scene,
     region: &[Rect],
+    watch: &Watch<'_>,
 ) -> Result<Vec<Filtered>, BackendError> {
     let tiles = all_tiles(gpu, kernels, scene, region)?;
     let mut starts = Vec::with_capacity(region.len());
@@ -68,6 +69,7 @@ pub(super) fn run(
     }
     let nothing = Filtered { pixels: vec![[0.0; 3]; pixels], kept: vec![0; kernels.stages()] };
     let mut filtered = vec![nothing; kernels.results()];
+    let mut rows = Rows { of: region.iter().map(|rect| rect.height).sum(), pixels, done: 0 };
     let mut pending: VecDeque<Pending<'_>> = VecDeque::new();
     for (part, tile) in tiles {
         let needs = kernels.needs(&tile);
@@ -77,16 +79,37 @@ pub(super) fn run(
                 Some(lease) => break lease,
                 None => {
                     let first = pending.pop_front().expect("or waiting would be allowed");
+                    let pixels = first.tile.rect.pixels();
                     collect(gpu, first, region, &starts, &mut filtered)?;
+                    watch(rows.after(pixels));
                 }
             }
         };
         pending.push_back(submit(gpu, kernels, part, tile, needs, lease)?);
     }
     for last in pending {
+        let pixels = last.tile.rect.pixels();
         collect(gpu, last, region, &starts, &mut filtered)?;
+        watch(rows.after(pixels));
     }
     Ok(filtered)
+}
+
+/// Rows of a region that are done, as far as that can be said of tiles that are narrower.
+struct Rows {
+    of: usize,
+    pixels: usize,
+    /// Pixels that are done.
+    done: usize,
+}
+
+impl Rows {
+    /// How many more there are once so many pixels more are done.
+    fn after(&mut self, pixels: usize) -> usize {
+        let before = self.of * self.done / self.pixels;
+        self.done += pixels;
+        self.of * self.done / self.pixels - before
+    }
 }
 
 /// The tiles of all rectangles, each with the rectangle's number.

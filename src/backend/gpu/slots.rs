@@ -120,6 +120,40 @@ impl Slot {
         Ok(Self { holds: needs, upload, near, own, result, kept, back, clock })
     }
 
+    /// Begins a pass over a tile, of whose passes it is the first, the last, both or neither.
+    pub(super) fn pass<'e>(
+        &self,
+        encoder: &'e mut wgpu::CommandEncoder,
+        is_first: bool,
+        is_last: bool,
+    ) -> wgpu::ComputePass<'e> {
+        let clock = self.clock.as_ref();
+        let timestamps = clock.map(|(queries, _)| wgpu::ComputePassTimestampWrites {
+            query_set: queries,
+            beginning_of_pass_write_index: is_first.then_some(0),
+            end_of_pass_write_index: is_last.then_some(1),
+        });
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: None,
+            // A pass that writes no timestamp may not say that it does.
+            timestamp_writes: timestamps.filter(|_| is_first || is_last),
+        })
+    }
+
+    /// Copies what is read back behind the last pass.
+    pub(super) fn read_back(&self, encoder: &mut wgpu::CommandEncoder, needs: Needs) {
+        encoder.copy_buffer_to_buffer(&self.result, 0, &self.back, 0, needs.result);
+        if needs.kept > 0 {
+            let start = needs.kept_start();
+            encoder.copy_buffer_to_buffer(&self.kept, 0, &self.back, start, needs.kept);
+        }
+        if let Some((queries, resolved)) = &self.clock {
+            let start = needs.timestamps_start();
+            encoder.resolve_query_set(queries, 0..2, resolved, 0);
+            encoder.copy_buffer_to_buffer(resolved, 0, &self.back, start, TIMESTAMPS);
+        }
+    }
+
     /// Writes what is uploaded, and unmaps it.
     pub(super) fn fill(
         &self,

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use super::pack::{Inputs, needs};
 use super::run::{Kernels, WORK, run};
-use super::slots::{Needs, Slot, TIMESTAMPS};
+use super::slots::{Needs, Slot};
 use super::tiles::Tile;
 use super::{GpuError, Opened};
 use crate::backend::shader::{Loads, Shader};
-use crate::backend::{BackendError, Executable, Filtered, Rect, holds, inside};
+use crate::backend::{BackendError, Executable, Filtered, Rect, Watch, holds, inside};
 use crate::plan::WindowPlan;
 use crate::scene::Scene;
 use crate::scene::plane::Layout;
@@ -27,11 +27,16 @@ pub(super) struct ShaderCode {
 }
 
 impl Executable for ShaderCode {
-    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &Watch<'_>,
+    ) -> Result<Vec<Filtered>, BackendError> {
         holds(self.plan.facts(), scene)?;
         inside(scene, region)?;
         let inputs = Inputs::of(scene, &self.shader, self.loads)?;
-        run(&self.gpu, &ScenePlan { code: self, inputs }, scene, region)
+        run(&self.gpu, &ScenePlan { code: self, inputs }, scene, region, watch)
     }
 }
 
@@ -161,18 +166,7 @@ impl ShaderCode {
                     encoder.copy_buffer_to_buffer(&slot.upload, start, &slot.own, 0, needs.own);
                 }
             }
-            let timestamps =
-                slot.clock.as_ref().map(|(queries, _)| wgpu::ComputePassTimestampWrites {
-                    query_set: queries,
-                    beginning_of_pass_write_index: (k == 0).then_some(0),
-                    end_of_pass_write_index: (k == last).then_some(1),
-                });
-            // A pass that writes no timestamp may not say that it does.
-            let timestamps = timestamps.filter(|_| k == 0 || k == last);
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: None,
-                timestamp_writes: timestamps,
-            });
+            let mut pass = slot.pass(&mut encoder, k == 0, k == last);
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &group, &[]);
             let [columns, lines] = self.loads.workgroup();
@@ -180,12 +174,7 @@ impl ShaderCode {
             pass.dispatch_workgroups(groups, (rows as u32).div_ceil(lines), 1);
             drop(pass);
             if k == last {
-                encoder.copy_buffer_to_buffer(&slot.result, 0, &slot.back, 0, needs.result);
-                if let Some((queries, resolved)) = &slot.clock {
-                    let start = needs.timestamps_start();
-                    encoder.resolve_query_set(queries, 0..2, resolved, 0);
-                    encoder.copy_buffer_to_buffer(resolved, 0, &slot.back, start, TIMESTAMPS);
-                }
+                slot.read_back(&mut encoder, needs);
             }
             encoder.finish()
         };

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::meaning;
 use super::oracle;
 use crate::backend::{ACCURACY, color_at};
-use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect, inside};
+use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect, Watch, inside};
 use crate::expr::Tree;
 use crate::filter::{Filter, Gather};
 use crate::plan::Plan;
@@ -44,7 +44,12 @@ struct Whole {
 }
 
 impl Executable for Whole {
-    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &Watch<'_>,
+    ) -> Result<Vec<Filtered>, BackendError> {
         inside(scene, region)?;
         let checked = self.filter.check().expect("only filters that make sense are scheduled");
         let required = checked.required();
@@ -73,6 +78,7 @@ impl Executable for Whole {
         });
         let pixels = rows.flat_map(|(start, width)| &exact.pixels[start..start + width]);
         let pixels = pixels.map(|pixel| pixel.color.map(|c| c as f32)).collect();
+        watch(rows_of(region));
         Ok(vec![Filtered { pixels, kept }])
     }
 }
@@ -82,7 +88,12 @@ struct Meaning {
 }
 
 impl Executable for Meaning {
-    fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &Watch<'_>,
+    ) -> Result<Vec<Filtered>, BackendError> {
         inside(scene, region)?;
         for stage in &self.stages {
             if let Some(&plane) = stage.weight.planes().iter().find(|&&p| scene.plane(p).is_none())
@@ -90,8 +101,14 @@ impl Executable for Meaning {
                 return Err(BackendError::NotLoaded(plane));
             }
         }
-        Ok(self.stages.iter().map(|stage| filter(scene, stage, region)).collect())
+        let filtered = self.stages.iter().map(|stage| filter(scene, stage, region)).collect();
+        watch(rows_of(region));
+        Ok(filtered)
     }
+}
+
+fn rows_of(region: &[Rect]) -> usize {
+    region.iter().map(|rect| rect.height).sum()
 }
 
 fn filter(scene: &Scene, stage: &Gather, region: &[Rect]) -> Filtered {

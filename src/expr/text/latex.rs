@@ -61,20 +61,17 @@ pub struct Formula {
 pub fn latex_formula(tree: &Tree, scope: &Scope<'_>, first: usize) -> Formula {
     let mut typesetter = Typesetter::new(tree, *scope);
     let sums = typesetter.long_sums();
-    let mut set_apart = Vec::with_capacity(sums.len());
-    for (k, &position) in sums.iter().enumerate().filter(|(_, position)| **position != tree.root())
-    {
-        let name = format!("E_{{{}}}", first + k + 1);
-        set_apart.push((position, name.clone(), typesetter.lines(position)));
-    }
-    for (position, name, _) in &set_apart {
-        typesetter.replaced.insert(*position, name.clone());
-    }
+    let apart = sums.iter().filter(|&&position| position != tree.root());
+    typesetter.replaced =
+        apart.zip(first + 1..).map(|(&position, k)| (position, format!("E_{{{k}}}"))).collect();
     let lines = match sums.contains(&tree.root()) {
         true => typesetter.lines(tree.root()),
         false => vec![typesetter.text(tree.root(), Around::Enclosed)],
     };
-    Formula { lines, sums: set_apart.into_iter().map(|(_, name, lines)| (name, lines)).collect() }
+    let name = |position| typesetter.replaced.get(position).cloned();
+    let sums =
+        sums.iter().filter_map(|position| Some((name(position)?, typesetter.lines(*position))));
+    Formula { lines, sums: sums.collect() }
 }
 
 /// A name as upright letters, in mathematical mode.
@@ -113,35 +110,47 @@ impl<'a> Typesetter<'a> {
         operands_of(self.tree.symbols()[position].arity(), position, &self.starts)
     }
 
-    /// The outermost sums that are long.
+    /// The outermost sums that are long; and within a term of theirs that is too long for a
+    /// line, those that are half as long.
     fn long_sums(&self) -> Vec<usize> {
         let mut found = Vec::new();
-        let mut left = vec![self.tree.root()];
-        while let Some(position) = left.pop() {
+        let mut left = vec![(self.tree.root(), LONG)];
+        while let Some((position, limit)) = left.pop() {
+            let length = |position| self.text(position, Around::Enclosed).len();
             let is_sum = matches!(self.tree.symbols()[position], Symbol::Op(Op::Add | Op::Sub));
-            if is_sum && self.text(position, Around::Enclosed).len() > LONG {
-                found.push(position);
+            if !is_sum || length(position) <= limit {
+                left.extend(self.operands(position).into_iter().rev().map(|k| (k, limit)));
                 continue;
             }
-            left.extend(self.operands(position).into_iter().rev());
+            found.push(position);
+            let long = self.terms(position).into_iter().filter(|&(_, term)| length(term) > LONG);
+            left.extend(long.map(|(_, term)| (term, LONG / 2)));
         }
         found
+    }
+
+    /// The terms of a sum, the last first, and what stands before each.
+    fn terms(&self, sum: usize) -> Vec<(&'static str, usize)> {
+        let mut terms = Vec::new();
+        let mut position = sum;
+        while let Symbol::Op(op @ (Op::Add | Op::Sub)) = self.tree.symbols()[position] {
+            let operands = self.operands(position);
+            terms.push((op.name(), operands[1]));
+            position = operands[0];
+        }
+        terms.push(("", position));
+        terms
     }
 
     /// The lines of a sum, each but the first with a sign before it.
     fn lines(&self, sum: usize) -> Vec<String> {
         let Syntax::Infix(strength) = Op::Add.row().syntax else { return Vec::new() };
-        let mut terms = Vec::new();
-        let mut position = sum;
-        while let Symbol::Op(op @ (Op::Add | Op::Sub)) = self.tree.symbols()[position] {
-            let operands = self.operands(position);
-            let term = self.text(operands[1], Around::Right(strength));
-            terms.push(format!("{} {term}", op.name()));
-            position = operands[0];
-        }
-        terms.push(self.text(position, Around::Left(strength)));
         let mut lines: Vec<String> = Vec::new();
-        for term in terms.into_iter().rev() {
+        for (sign, term) in self.terms(sum).into_iter().rev() {
+            let term = match sign {
+                "" => self.text(term, Around::Left(strength)),
+                sign => format!("{sign} {}", self.text(term, Around::Right(strength))),
+            };
             match lines.last_mut().filter(|line| line.len() + term.len() <= LONG) {
                 Some(line) => {
                     line.push(' ');
