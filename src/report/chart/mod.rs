@@ -4,9 +4,9 @@
 //! (what and by whom, say); points of one series are joined. The front, drawn
 //! behind everything, is the staircase under which no point lies.
 //!
-//! Colours are those of Okabe and Ito, which people with any colour vision tell
-//! apart, but for the yellow one, which hardly shows on white; shapes differ
-//! without any colour. The text is text, and fonts are left to the reader: widths
+//! The first seven colours are those of Okabe and Ito, which people with any colour
+//! vision tell apart, but for the yellow one, which hardly shows on white; shapes
+//! differ without any colour. The text is text, and fonts are left to the reader: widths
 //! are estimated.
 
 mod axis;
@@ -21,7 +21,6 @@ use axis::Axis;
 use place::{Box, Labels};
 
 /// The plot's frame, and what stands around it.
-const WIDTH: f64 = 960.0;
 const HEIGHT: f64 = 600.0;
 const LEFT: f64 = 76.0;
 const TOP: f64 = 64.0;
@@ -32,12 +31,18 @@ const MARK: f64 = 5.5;
 /// The size of labels at marks, and of what their letters take of it on average.
 const LABEL: f64 = 11.0;
 const LETTER: f64 = 0.58;
+/// The size of the legend's text.
+const LEGEND: f64 = 13.0;
+/// Letters that the legend has room for, however short its texts are: its last line's.
+const SHORTEST: usize = 24;
 /// From one line of the legend to the next.
 const LINE: f64 = 22.0;
 
 /// As many as there are named and shipped filters and entries of Open Image Denoise.
-const COLORS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8b5a2b"];
+const COLORS: [&str; 12] = [
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8b5a2b",
+    "#8a9a00", "#882255", "#7a5cc0", "#808080",
+];
 /// As many as `outline` draws, one for every back end, two compilers and Open Image
 /// Denoise.
 const SHAPES: usize = 7;
@@ -141,6 +146,16 @@ struct Legend {
     note: f64,
 }
 
+impl Legend {
+    /// The width of a drawing that ends where the longest of its lines does.
+    fn width(&self) -> f64 {
+        let marked = self.colors.iter().map(|(.., text)| text);
+        let texts = marked.chain(self.shapes.iter().map(|(.., text)| text));
+        let longest = texts.map(|text| text.chars().count()).max().unwrap_or(0);
+        self.x + 28.0 + longest.max(SHORTEST) as f64 * LEGEND * LETTER
+    }
+}
+
 impl Chart {
     /// The picture. Points without a place are left out.
     pub fn svg(&self) -> String {
@@ -178,10 +193,11 @@ impl Chart {
             let ticks = axis.ticks();
             ticks.map(|value| Tick { at: axis.at(value), text: number::tick(value) }).collect()
         };
+        let legend = self.legend(&colors, &shapes);
         let drawing = Drawing {
             chart: self,
             subtitle: printable(&self.subtitle),
-            width: WIDTH,
+            width: legend.width(),
             height: HEIGHT,
             left: LEFT,
             top: TOP,
@@ -193,7 +209,7 @@ impl Chart {
             labels: labels.collect(),
             lines,
             marks,
-            legend: self.legend(&colors, &shapes),
+            legend,
         };
         drawing.render().expect("nothing fails that writes into a string")
     }
