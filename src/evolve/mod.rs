@@ -72,6 +72,7 @@ pub mod islands;
 pub mod materials;
 pub mod memo;
 pub mod mutation;
+pub mod programs;
 pub mod race;
 pub mod search;
 pub mod selection;

@@ -18,6 +18,7 @@
 //! it may rely on what is promised below and contains no policy of its own.
 
 mod adjoint;
+mod cost;
 mod fuse;
 mod gradient;
 mod hoist;
@@ -44,6 +45,7 @@ use crate::expr::tree::Tree;
 use crate::filter::{Checked, Window};
 use crate::scene::facts::{Fact, Facts};
 
+pub use cost::Effort;
 pub use gradient::{Factor, Gradient, Total};
 pub use hoist::Tapes;
 pub use kernel::{

@@ -27,17 +27,19 @@ pub mod optimizer;
 pub mod rng;
 mod scenes;
 pub mod settings;
+mod trial;
 mod tuner;
 
 pub use checkpoint::{Checkpoint, Row, csv};
 pub(crate) use control::Watch;
 pub use control::{Checkpoints, Control, Ending};
 pub use error::Error;
-pub use loss::Loss;
+pub use loss::{Loss, Reference};
 pub use rng::{Stream, stream};
 pub use scenes::{Level, TuningScene};
 pub use settings::Settings;
-pub use tuner::{Event, Outcome, Trial, Tuner};
+pub use trial::{Score, Trial, scores};
+pub use tuner::{Event, Outcome, Tuner};
 
 #[cfg(test)]
 mod tests;

@@ -6,7 +6,7 @@ use super::error::Error;
 use super::loss::Reference;
 use crate::image::{Image, Metrics};
 use crate::scene::{
-    LoadOptions, Needs, Scene, SceneFiles, load_reference, sample_counts, samples_of,
+    Crop, LoadOptions, Needs, Scene, SceneFiles, load_reference, sample_counts, samples_of,
 };
 
 /// A scene, rendered with more and with fewer samples.
@@ -52,6 +52,27 @@ impl TuningScene {
         }
         let reference = Reference::new(image.rgb());
         Ok(Self { name: files.name.clone(), levels, image, reference })
+    }
+}
+
+impl TuningScene {
+    /// A part of the scene as a scene of its own; its reference keeps the exposure of the whole.
+    ///
+    /// # Panics
+    /// If the part does not lie in the image.
+    #[must_use]
+    pub fn part(&self, crop: &Crop) -> Self {
+        let level =
+            |level: &Level| Level { samples: level.samples, scene: level.scene.crop(crop, 1.0) };
+        let columns = self.image.size().0;
+        let [width, height] = crop.turned();
+        let channel = |from: &[f32]| crop.pixels(columns).map(|k| from[k]).collect();
+        let rgb = self.image.rgb().map(channel);
+        let image = Image::new(&self.name, width, height, rgb).expect("as many as the part has");
+        let pixels = crop.pixels(columns).map(|k| self.reference.pixels[k]).collect();
+        let reference = Reference { pixels, exposure: self.reference.exposure };
+        let levels = self.levels.iter().map(level).collect();
+        Self { name: self.name.clone(), levels, image, reference }
     }
 }
 

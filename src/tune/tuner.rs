@@ -12,16 +12,16 @@ use super::error::Error;
 use super::loss::{PARTS, parts};
 use super::optimizer::{Rates, Scales};
 use super::rng::stream;
-use super::scenes::{Level, TuningScene};
+use super::scenes::TuningScene;
 use super::settings::Settings;
-use crate::backend::{Backend, Differentiable, Differentiator, Rect, Workspace};
+use super::trial::{is_estimated, refused, trial};
+use crate::backend::{Backend, Differentiable, Differentiator, Workspace};
 use crate::expr::builder::LIMIT;
 use crate::expr::interval::Interval;
 use crate::expr::{Feature, PlaneId, Quantity};
 use crate::filter::Filter;
-use crate::image::{Image, Metrics};
-use crate::plan::{Gradient, Passes, Plan, PlanError};
-use crate::scene::{Fact, Facts, MOST_SAMPLES, Note, Scene};
+use crate::plan::{Gradient, Passes};
+use crate::scene::{Fact, Facts, MOST_SAMPLES};
 
 /// How much of what a part of the loss is for an image by now comes from the last time that
 /// some of it was drawn.
@@ -39,18 +39,6 @@ pub enum Event<'a> {
     },
     /// A row was added to the history.
     Row(&'a Row),
-}
-
-/// How a filter does on whole validation scenes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Trial {
-    /// The mean score of the loss, over images with all features and without some of them,
-    /// the latter counting as often as they are tuned on.
-    pub score: f64,
-    /// The geometric mean of RelMSE, with all features.
-    pub rel_mse: f64,
-    /// The same without the worst 0.1% of the pixels of each image.
-    pub trimmed_rel_mse: f64,
 }
 
 /// What a run came to.
@@ -358,79 +346,6 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
     }
 }
 
-/// How a filter does on whole scenes, at all of their sample counts: with all features, and
-/// with what the other sets leave, each image with one of them in turn.
-///
-/// # Errors
-/// If it cannot run on one of them.
-fn trial<B: Backend>(
-    filter: &Filter,
-    scenes: &[TuningScene],
-    lacks: &[&Lack],
-    settings: &Settings,
-    backend: &B,
-) -> Result<Trial, Error> {
-    let images: Vec<(&TuningScene, &Level)> =
-        scenes.iter().flat_map(|scene| scene.levels.iter().map(move |l| (scene, l))).collect();
-    let mut sums = [0.0; 3];
-    let mut lacking = 0.0;
-    for (k, lack) in lacks.iter().enumerate() {
-        let others = lacks.len() - 1;
-        let met = images.iter().enumerate().filter(|&(n, _)| k == 0 || n % others == k - 1);
-        let met: Vec<(&TuningScene, Scene)> =
-            met.map(|(_, &(scene, level))| (scene, without(&level.scene, lack))).collect();
-        if met.is_empty() {
-            continue;
-        }
-        let checked = filter.check().expect("values within bounds make sense");
-        let facts = Facts::of_all(met.iter().map(|(_, noisy)| noisy));
-        let facts = facts.iter().filter(|(plane, _)| !lack.features.contains(&plane.feature));
-        let facts = Facts::from_planes(facts);
-        let plan =
-            Plan::of(&checked, &facts, Passes::ALL).map_err(|source| refused(scenes, source))?;
-        let code = backend.compile(&plan)?;
-        for (scene, noisy) in &met {
-            let filtered = code.run(noisy, &[Rect::whole(noisy)])?.swap_remove(0);
-            let mut owed = vec![[0.0; 3]; filtered.pixels.len()];
-            let shares = settings.loss.shares();
-            let (width, height) = scene.image.size();
-            let parts = parts(&filtered.pixels, width, 1.0, &scene.reference, shares, &mut owed);
-            if k > 0 {
-                lacking += settings.loss.score(parts);
-                continue;
-            }
-            let rgb = [0, 1, 2].map(|k| filtered.pixels.iter().map(|pixel| pixel[k]).collect());
-            let image = Image::new(&scene.name, width, height, rgb).expect("a colour per pixel");
-            let metrics = Metrics::of(&image, &scene.image)?;
-            let logs = [metrics.rel_mse, metrics.trimmed_rel_mse].map(|x| x.max(1e-12).ln());
-            sums[0] += settings.loss.score(parts);
-            sums[1] += logs[0];
-            sums[2] += logs[1];
-        }
-    }
-    let count = images.len() as f64;
-    let [full, rel_mse, trimmed] = sums.map(|sum| sum / count);
-    let dropped = if lacks.len() > 1 { settings.drop } else { 0.0 };
-    let score = (1.0 - dropped) * full + dropped * lacking / count;
-    Ok(Trial { score, rel_mse: rel_mse.exp(), trimmed_rel_mse: trimmed.exp() })
-}
-
-/// An image as if its file had no variances, if that is what is lacking.
-fn without(scene: &Scene, lack: &Lack) -> Scene {
-    if lack.variances { scene.clone() } else { scene.without_variances() }
-}
-
-fn refused(scenes: &[TuningScene], source: PlanError) -> Error {
-    let missing = |scene: &&TuningScene| match &source {
-        PlanError::Missing { plane, .. } => {
-            scene.levels.iter().any(|level| level.scene.fact(*plane) == Fact::Absent)
-        }
-        _ => false,
-    };
-    let scene = scenes.iter().find(missing).or(scenes.first());
-    Error::Plan { scene: scene.map_or(String::new(), |scene| scene.name.clone()), source }
-}
-
 /// Code for every set of features that makes a difference to a filter, all of them first.
 fn codes(
     filter: &Filter,
@@ -447,7 +362,9 @@ fn codes(
     let reads: BTreeMap<PlaneId, ()> =
         needs.named().into_iter().flatten().map(|&plane| (plane, ())).collect();
     let mut codes: Vec<Code> = Vec::new();
-    for lack in &LACKS {
+    // Who drops no features meets the first set alone.
+    let met = if settings.drop > 0.0 { LACKS.len() } else { 1 };
+    for lack in &LACKS[..met] {
         let kept = all.iter().filter(|(plane, _)| {
             reads.contains_key(plane) && !lack.features.contains(&plane.feature)
         });
@@ -478,11 +395,6 @@ fn codes(
     Ok(codes)
 }
 
-/// Whether the variance of the colour is an estimate, as far as somebody asked for it.
-fn is_estimated(scene: &Scene) -> bool {
-    scene.notes().contains(&Note::EstimatedVariance(Feature::Color))
-}
-
 /// What is known of the colour without its noise; of other planes what is known anyway.
 fn truth(plane: PlaneId, fact: Fact, scenes: &[TuningScene]) -> Fact {
     if (plane.feature, plane.quantity) != (Feature::Color, Quantity::Value) {
@@ -508,7 +420,10 @@ fn within(plane: PlaneId, fact: Fact, settings: &Settings) -> Fact {
     }
     let gain = settings.stops.exp2().next_up();
     let gain = if plane.quantity == Quantity::Variance { gain * gain } else { gain };
+    // Of parts that are made less noisy, the colour's variance is less than any of the image's.
+    let quieter = settings.clean > 0.0 && plane.quantity == Quantity::Variance;
     let low = if lo < 0.0 { lo * gain } else { lo / gain };
+    let low = if quieter { low.min(0.0) } else { low };
     let high = if hi < 0.0 { hi / gain } else { hi * gain };
     Fact::Range(Interval::new(low.next_down(), high.next_up()))
 }

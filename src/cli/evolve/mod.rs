@@ -2,14 +2,15 @@
 
 mod page;
 mod parameters;
+mod preset;
+mod programs;
 mod progress;
 mod record;
 
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::builder::PossibleValue;
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use super::backend::{LanesArgs, Processor};
 use super::error::Error;
@@ -19,8 +20,8 @@ use super::recall::Recall;
 use super::{interrupt, resolve, scenes};
 use crate::backend::Backend;
 use crate::evolve::{
-    self, Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Preset,
-    Restriction, Search, Settings, TrainingScene, history,
+    self, Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Restriction,
+    Search, Settings, TrainingScene, history,
 };
 use crate::expr::{Feature, PlaneId, Tree, codebook};
 use crate::filter::{Filter, Gather, Window};
@@ -30,6 +31,7 @@ use crate::report::{Format, ScoreTable, Total, number};
 use crate::scene::{Fact, Facts, LoadOptions, Needs, RawScene, Scene, SceneFiles, load_reference};
 use crate::stress::{Engine, Ground, SEED, Screen, certify};
 use parameters::Parameters;
+use preset::Preset;
 use progress::Progress;
 use record::Origin;
 
@@ -68,8 +70,14 @@ pub(super) struct Evolve {
     #[arg(long, num_args = 1.., value_name = scenes::VALUE)]
     scenes: Vec<PathBuf>,
 
-    /// Parameters to start from: those of the paper (half an hour on two fast cores), or
-    /// a small search (less than a minute) [default: quick]
+    /// Scenes that nothing is bred on: the program that is best there is the result. Searches
+    /// for programs alone have them [default: data/corpus/validate, if --scenes is not given]
+    #[arg(long, num_args = 1.., value_name = scenes::VALUE)]
+    validate: Vec<PathBuf>,
+
+    /// What is searched: programs, in two minutes (quick) or hours (programs), or weights of
+    /// one window, in a minute (weights) or as the paper does, in half an hour (paper)
+    /// [default: quick]
     #[arg(long, value_enum, value_name = "PRESET", hide_default_value = true)]
     preset: Option<Preset>,
 
@@ -110,25 +118,39 @@ pub(super) struct Evolve {
     parameters: Parameters,
 }
 
-impl ValueEnum for Preset {
-    fn value_variants<'a>() -> &'a [Self] {
-        &Self::ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(PossibleValue::new(self.name()))
-    }
-}
-
 impl Evolve {
     pub(super) fn run(&self, log: Log) -> Result<String, Error> {
         self.spare_older_runs()?;
-        let checkpoint = self.checkpoint()?;
-        let mut settings = match &checkpoint {
-            Some(checkpoint) => checkpoint.settings().clone(),
-            None => self.preset.unwrap_or(Preset::Quick).settings(),
+        self.spare_what_is_fixed()?;
+        let preset = self.preset.unwrap_or(Preset::Quick);
+        let programs = match self.resume {
+            true => evolve::programs::Checkpoint::is_one(&self.out.join(CHECKPOINT)),
+            false => preset.programs().is_some(),
         };
-        self.parameters.apply(&mut settings);
+        if programs {
+            let mut settings = if self.resume { None } else { preset.programs() };
+            if let Some(settings) = &mut settings {
+                self.parameters.apply(settings)?;
+            }
+            return programs::run(self, settings, log);
+        }
+        self.run_for_weights(preset.weights(), log)
+    }
+
+    /// Searches for weights; `settings` are those of a new search.
+    fn run_for_weights(&self, settings: Option<Settings>, log: Log) -> Result<String, Error> {
+        if !self.validate.is_empty() {
+            return Err(Error::Usage(
+                "--validate is of searches for programs (--preset quick or programs)".to_owned(),
+            ));
+        }
+        let checkpoint = match self.resume {
+            true => Some(Checkpoint::read(&self.out.join(CHECKPOINT))?),
+            false => None,
+        };
+        let settings = checkpoint.as_ref().map(|c| c.settings().clone()).or(settings);
+        let mut settings = settings.expect("a search is new or goes on");
+        self.parameters.apply(&mut settings)?;
         settings.validate()?;
         let backend = self.backend.open(self.lanes.lanes)?;
         let arguments = self.scenes()?;
@@ -199,20 +221,17 @@ impl Evolve {
         })
     }
 
-    /// The checkpoint to go on from, if that is what is asked for.
-    fn checkpoint(&self) -> Result<Option<Checkpoint>, Error> {
-        if !self.resume {
-            return Ok(None);
-        }
+    /// Checks that a search that goes on is told nothing that it cannot obey.
+    fn spare_what_is_fixed(&self) -> Result<(), Error> {
         let fixed = self.parameters.fixed();
-        if !fixed.is_empty() {
+        if self.resume && !fixed.is_empty() {
             return Err(Error::Usage(format!(
                 "--resume goes on with the parameters that the search was started with; leave \
                  {} out, or start a new search without --resume",
                 fixed.join(", ")
             )));
         }
-        Ok(Some(Checkpoint::read(&self.out.join(CHECKPOINT))?))
+        Ok(())
     }
 
     fn make_folder(&self) -> Result<(), Error> {
@@ -366,7 +385,7 @@ fn forbid_absent(settings: &mut Settings, training: &[TrainingScene], log: Log) 
 /// Lets a search whose preset begins with a filter that reads what is not there
 /// begin with the paper's bilateral filter, which reads colour alone.
 fn begin_with_what_is_there(settings: &mut Settings, log: Log) {
-    let bilateral = Preset::Paper.settings().initial;
+    let bilateral = evolve::Preset::Paper.settings().initial;
     let reads = |term: &String| {
         let initial = codebook::named(&settings.initial);
         initial.is_some_and(|tree| {

@@ -1,23 +1,56 @@
-//! The search's parameters as flags: one row each, with the presets' values
-//! in the help read off the presets.
+//! The parameters of both kinds of search as flags: one row each, with the presets' values in
+//! the help read off the presets.
 
 use clap::builder::ValueParser;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 
-use crate::evolve::{Preset, Settings};
+use super::preset::Preset;
+use crate::cli::error::Error;
+use crate::evolve::{Settings, programs};
 use crate::expr::grammar::Primitives;
 use crate::image::metric::Measure;
 use crate::plan::Precision;
+use crate::tune::Loss;
 
-/// A parameter.
-struct Parameter {
+/// A parameter of settings `S`.
+pub(super) struct Parameter<S> {
     /// The flag, which is also the identifier.
     flag: &'static str,
     value: &'static str,
     doc: &'static str,
-    get: fn(&Settings) -> String,
-    set: fn(&mut Settings, &str) -> Result<(), String>,
+    get: fn(&S) -> String,
+    set: fn(&mut S, &str) -> Result<(), String>,
+}
+
+/// Settings whose fields are flags.
+pub(super) trait Tabled: Sized + 'static {
+    /// A row per field.
+    const TABLE: &[Parameter<Self>];
+    /// What they are of.
+    const KIND: &str;
+    /// The presets that have such settings, with them.
+    fn presets() -> Vec<(&'static str, Self)>;
+}
+
+impl Tabled for Settings {
+    const TABLE: &[Parameter<Self>] = PARAMETERS;
+    const KIND: &str = "a search for weights";
+
+    fn presets() -> Vec<(&'static str, Self)> {
+        let settings = |preset: Preset| Some((preset.name(), preset.weights()?));
+        Preset::ALL.into_iter().filter_map(settings).collect()
+    }
+}
+
+impl Tabled for programs::Settings {
+    const TABLE: &[Parameter<Self>] = OF_PROGRAMS;
+    const KIND: &str = "a search for programs";
+
+    fn presets() -> Vec<(&'static str, Self)> {
+        let settings = |preset: Preset| Some((preset.name(), preset.programs()?));
+        Preset::ALL.into_iter().filter_map(settings).collect()
+    }
 }
 
 macro_rules! parameters {
@@ -35,7 +68,58 @@ macro_rules! parameters {
     };
 }
 
-const PARAMETERS: &[Parameter] = parameters! {
+const OF_PROGRAMS: &[Parameter<programs::Settings>] = parameters! {
+    "seed" "N" seed:
+        "Names the random streams: the same seed finds the same program";
+    "initial" "FILTER" initial:
+        "What the initial population are mutants of: `seed`, a filter's name or a file";
+    "generations" "N" generations:
+        "Generations after the initial population";
+    "population" "N" population:
+        "Programs that are kept from one generation to the next";
+    "children" "N" children:
+        "Programs that are made in a generation";
+    "crossover" "SHARE" crossover:
+        "Share of the children that have two parents";
+    "polish" "SHARE" polish:
+        "Share of the children that are a program of the population, tuned further";
+    "tune-steps" "N" tune_steps:
+        "Steps by which a child's constants are tuned before it is judged";
+    "finish-steps" "N" finish_steps:
+        "Steps by which the winner's are tuned at the end";
+    "crops" "N" batch:
+        "Parts of images that a step of tuning looks at";
+    "crop" "PIXELS" crop:
+        "The side of such a part";
+    "exam" "PIXELS" exam:
+        "The side of the part of every scene that programs are judged by";
+    "loss" "LOSS" loss:
+        "What is made small: balanced, relative or tone-mapped, as in `tamis tune`";
+    "rate" "RATE" rate:
+        "By how much constants move in a step of tuning";
+    "layer-rate" "RATE" layer_rate:
+        "The same for layers' numbers";
+    "max-nodes" "N" max_nodes:
+        "Most nodes of a program's formulas, and numbers of its layers";
+    "max-stages" "N" max_stages:
+        "Most stages of a program";
+    "max-reach" "PIXELS" max_reach:
+        "How far a stage may look beside a pixel";
+    "max-cost" "NS" max_cost:
+        "Most nanoseconds per pixel that it may be predicted to take on one core";
+    "features" "NAME,..." features:
+        "Features, gradients and variances that programs may read";
+    "rung" "SHARE" rung:
+        "Share of the scenes that a child is judged by before it is tuned; 0 for none";
+    "slack" "SCORE" slack:
+        "How much worse than the worst of the population it may be there";
+    "interval" "N" interval:
+        "Generations from one trial on the validation scenes to the next";
+    "patience" "N" patience:
+        "Trials without a better one after which the search ends; 0 for never";
+};
+
+const PARAMETERS: &[Parameter<Settings>] = parameters! {
     "seed" "N" seed:
         "Names the random streams: the same seed finds the same filter";
     "error" "ERROR" error:
@@ -173,6 +257,17 @@ impl Text for Primitives {
     }
 }
 
+impl Text for Loss {
+    fn text(&self) -> String {
+        self.name().to_owned()
+    }
+    fn parsed(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|loss| loss.name() == text).ok_or_else(|| {
+            format!("must be {}", Self::ALL.map(|loss| format!("`{}`", loss.name())).join(" or "))
+        })
+    }
+}
+
 impl Text for Vec<f64> {
     fn text(&self) -> String {
         self.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
@@ -195,61 +290,88 @@ impl Text for Vec<String> {
     }
 }
 
-/// The parameters that the command line gives.
+/// The parameters that the command line gives, by their flags.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Parameters {
-    given: Vec<(usize, String)>,
+    given: Vec<(&'static str, String)>,
 }
 
 impl Parameters {
     /// Changes settings as the command line says.
-    pub(super) fn apply(&self, settings: &mut Settings) {
-        for (row, text) in &self.given {
-            (PARAMETERS[*row].set)(settings, text).expect("the command line parser tried it");
+    pub(super) fn apply<S: Tabled>(&self, settings: &mut S) -> Result<(), Error> {
+        for (flag, text) in &self.given {
+            let Some(parameter) = S::TABLE.iter().find(|parameter| parameter.flag == *flag) else {
+                let presets = S::presets().into_iter().map(|(name, _)| format!("`{name}`"));
+                return Err(Error::Usage(format!(
+                    "--{flag} is no parameter of {} (--preset {}): leave it out, or choose another \
+                     preset",
+                    S::KIND,
+                    presets.collect::<Vec<_>>().join(" or "),
+                )));
+            };
+            (parameter.set)(settings, text)
+                .map_err(|why| Error::Usage(format!("--{flag} {text}: {why}")))?;
         }
+        Ok(())
     }
 
     /// Whether the command line gives a parameter, by its flag's name.
     pub(super) fn gives(&self, flag: &str) -> bool {
-        self.given.iter().any(|&(row, _)| PARAMETERS[row].flag == flag)
+        self.given.iter().any(|&(given, _)| given == flag)
     }
 
     /// The flags given that a search under way cannot obey.
     pub(super) fn fixed(&self) -> Vec<String> {
-        let flags = self.given.iter().map(|(row, _)| PARAMETERS[*row].flag);
+        let flags = self.given.iter().map(|&(flag, _)| flag);
         flags.filter(|&flag| flag != GENERATIONS).map(|flag| format!("--{flag}")).collect()
     }
 }
 
 /// Every parameter's flag, value and meaning.
-pub(super) fn listing(settings: &Settings) -> impl Iterator<Item = [String; 3]> {
-    PARAMETERS.iter().map(|p| [format!("--{}", p.flag), (p.get)(settings), p.doc.to_owned()])
+pub(super) fn listing<S: Tabled>(settings: &S) -> impl Iterator<Item = [String; 3]> {
+    S::TABLE.iter().map(|p| [format!("--{}", p.flag), (p.get)(settings), p.doc.to_owned()])
+}
+
+/// The flags of one kind of settings, but for those that another has already.
+fn flags<S: Tabled>(heading: &'static str, known: &[&str]) -> Vec<Arg> {
+    let presets = S::presets();
+    let rows = S::TABLE.iter().filter(|parameter| !known.contains(&parameter.flag));
+    let flag = |parameter: &'static Parameter<S>| {
+        let value = |(name, settings): &(&'static str, S)| {
+            let value = (parameter.get)(settings);
+            (*name, if value.is_empty() { "none".to_owned() } else { value })
+        };
+        let values: Vec<(&str, String)> = presets.iter().map(value).collect();
+        let same = values.iter().all(|(_, value)| *value == values[0].1);
+        let values = match same {
+            true => values[0].1.clone(),
+            false => {
+                let named = values.iter().map(|(name, value)| format!("{name}: {value}"));
+                named.collect::<Vec<_>>().join(", ")
+            }
+        };
+        let set = parameter.set;
+        Arg::new(parameter.flag)
+            .long(parameter.flag)
+            .value_name(parameter.value)
+            .help(format!("{} [{values}]", parameter.doc))
+            .help_heading(heading)
+            .value_parser(ValueParser::new(move |text: &str| {
+                let (_, mut settings) = S::presets().swap_remove(0);
+                set(&mut settings, text).map(|()| text.to_owned())
+            }))
+    };
+    rows.map(flag).collect()
 }
 
 impl Args for Parameters {
     fn augment_args(command: Command) -> Command {
-        let presets = Preset::ALL.map(|preset| (preset.name(), preset.settings()));
-        command.args(PARAMETERS.iter().map(|parameter| {
-            let values = presets.each_ref().map(|(name, settings)| {
-                let value = (parameter.get)(settings);
-                (name, if value.is_empty() { "none".to_owned() } else { value })
-            });
-            let values = match &values {
-                [(_, a), (_, b)] if a == b => a.clone(),
-                different => {
-                    different.each_ref().map(|(name, v)| format!("{name}: {v}")).join(", ")
-                }
-            };
-            let set = parameter.set;
-            Arg::new(parameter.flag)
-                .long(parameter.flag)
-                .value_name(parameter.value)
-                .help(format!("{} [{values}]", parameter.doc))
-                .help_heading("Parameters of the search")
-                .value_parser(ValueParser::new(move |text: &str| {
-                    set(&mut Preset::Quick.settings(), text).map(|()| text.to_owned())
-                }))
-        }))
+        let shared: Vec<&str> = OF_PROGRAMS.iter().map(|parameter| parameter.flag).collect();
+        let programs = "Parameters of a search for programs (--preset quick, programs)";
+        let weights = "Parameters of a search for weights (--preset weights, paper)";
+        command
+            .args(flags::<programs::Settings>(programs, &[]))
+            .args(flags::<Settings>(weights, &shared))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -265,11 +387,14 @@ impl FromArgMatches for Parameters {
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        for (row, parameter) in PARAMETERS.iter().enumerate() {
-            if matches.value_source(parameter.flag) == Some(ValueSource::CommandLine)
-                && let Some(text) = matches.get_one::<String>(parameter.flag)
+        let programs = OF_PROGRAMS.iter().map(|parameter| parameter.flag);
+        let weights = PARAMETERS.iter().map(|parameter| parameter.flag);
+        let weights = weights.filter(|flag| OF_PROGRAMS.iter().all(|row| row.flag != *flag));
+        for flag in programs.chain(weights) {
+            if matches.value_source(flag) == Some(ValueSource::CommandLine)
+                && let Some(text) = matches.get_one::<String>(flag)
             {
-                self.given.push((row, text.clone()));
+                self.given.push((flag, text.clone()));
             }
         }
         Ok(())
@@ -287,26 +412,45 @@ mod tests {
 
     #[test]
     fn every_parameter_of_a_search_is_a_flag() {
-        let mut settings = Preset::Quick.settings();
+        every_field::<Settings>();
+        every_field::<programs::Settings>();
+    }
+
+    fn every_field<S: Tabled + serde::Serialize>() {
+        let (_, mut settings) = S::presets().swap_remove(0);
         let before = toml::Value::try_from(&settings).expect("settings are TOML");
-        for parameter in PARAMETERS {
+        for parameter in S::TABLE {
             let value = (parameter.get)(&settings);
-            let other = match parameter.flag {
-                "error" => "rel-mse".to_owned(),
-                "precision" => "fast".to_owned(),
-                "primitives" => "all".to_owned(),
-                "initial" => "gaussian".to_owned(),
-                "forbid" => "depth,sin".to_owned(),
-                "racing" => "on".to_owned(),
-                "rungs" => "0.25,0.75".to_owned(),
-                _ => format!("{}", value.parse::<f64>().expect("a number") + 1.0),
+            let other = match (parameter.flag, value.as_str()) {
+                ("error", "rel-mse") => "two-sided".to_owned(),
+                ("error", _) => "rel-mse".to_owned(),
+                ("precision", "fast") => "standard".to_owned(),
+                ("precision", _) => "fast".to_owned(),
+                ("primitives", _) => "all".to_owned(),
+                ("initial", _) => "gaussian".to_owned(),
+                ("forbid", _) => "depth,sin".to_owned(),
+                ("features", _) => "depth,color".to_owned(),
+                ("loss", _) => "relative".to_owned(),
+                ("racing", "on") => "off".to_owned(),
+                ("racing", _) => "on".to_owned(),
+                ("rungs", _) => "0.25,0.75".to_owned(),
+                (_, value) => format!("{}", value.parse::<f64>().expect("a number") + 1.0),
             };
             let flag = format!("--{}", parameter.flag);
-            parse(&[&flag, &other]).expect("its own value").apply(&mut settings);
+            let given = parse(&[&flag, &other]).expect("its own value");
+            given.apply(&mut settings).expect("a parameter of these settings");
             assert_eq!((parameter.get)(&settings), other);
         }
         let after = toml::Value::try_from(&settings).expect("settings are TOML");
         assert_changed("settings", &before, &after);
+    }
+
+    #[test]
+    fn a_parameter_of_the_other_kind_is_refused() {
+        let given = parse(&["--islands", "3"]).expect("a number");
+        let (_, mut settings) = programs::Settings::presets().swap_remove(0);
+        let error = given.apply(&mut settings).expect_err("programs have no islands").to_string();
+        assert!(error.contains("--islands") && error.contains("`quick`"), "{error}");
     }
 
     /// Fails for a field that no flag has changed.

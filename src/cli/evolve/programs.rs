@@ -1,0 +1,458 @@
+//! A search for programs, from scenes to filter files.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use indicatif::ProgressBar;
+
+use super::parameters::listing;
+use super::{BEST, CHECKPOINT, Evolve, HISTORY, SCENES, SUMMARY, record};
+use crate::backend::{Backend, Differentiator, Interpreter};
+use crate::cli::backend::Processor;
+use crate::cli::error::Error;
+use crate::cli::log::Log;
+use crate::cli::recall::Recall;
+use crate::cli::{interrupt, resolve, scenes};
+use crate::evolve::programs::{
+    Checkpoint, Event, Finalist, Judge, Outcome, Row, SEED, Search, Settings, history, seed,
+};
+use crate::filter::{Filter, stages};
+use crate::image::write_atomically;
+use crate::report::chart::{Chart, Point, Series};
+use crate::report::{Align, Format, Table, number};
+use crate::scene::Needs;
+use crate::tune::{Checkpoints, Control, TuningScene};
+
+/// The folder of the programs of which none is better by all goals.
+const FRONT: &str = "front";
+
+/// A chart of them.
+const CHART: &str = "front.svg";
+
+/// What programs are bred on, and tried on, unless told.
+const DEFAULT_SCENES: [&str; 2] = ["data/corpus/train", "data/train"];
+const DEFAULT_VALIDATION: &str = "data/corpus/validate";
+
+/// Rows of the table that shows the run's course.
+const COURSE: usize = 12;
+
+/// Seconds between lines where nothing can be redrawn.
+const PAUSE: Duration = Duration::from_secs(10);
+
+/// Runs a search; `settings` are those of a new one, and nothing for one that goes on.
+pub(super) fn run(command: &Evolve, settings: Option<Settings>, log: Log) -> Result<String, Error> {
+    match command.backend {
+        Processor::Interp => {
+            // What cannot be is said as everywhere.
+            command.backend.open(command.lanes.lanes)?;
+            run_on(command, settings, &Interpreter, log)
+        }
+        #[cfg(feature = "jit")]
+        Processor::Jit => run_on(command, settings, &command.lanes.lanes.open()?, log),
+        #[cfg(not(feature = "jit"))]
+        Processor::Jit => {
+            Err(command.backend.open(command.lanes.lanes).err().expect("it is absent"))
+        }
+    }
+}
+
+fn run_on(
+    command: &Evolve,
+    settings: Option<Settings>,
+    backend: &(impl Backend + Differentiator),
+    log: Log,
+) -> Result<String, Error> {
+    if command.require_stable {
+        return Err(Error::Usage(
+            "--require-stable is of searches for weights (--preset weights or paper); of programs \
+             look at the winner with `tamis stress`"
+                .to_owned(),
+        ));
+    }
+    let checkpoint = match settings {
+        Some(_) => None,
+        None => Some(Checkpoint::read(&command.out.join(CHECKPOINT))?),
+    };
+    let (settings, initial) = match (settings, &checkpoint) {
+        (Some(settings), _) => {
+            let initial = initial(&settings.initial)?;
+            (settings, initial)
+        }
+        (None, checkpoint) => {
+            let checkpoint = checkpoint.as_ref().expect("it was read");
+            let mut settings = checkpoint.settings().clone();
+            command.parameters.apply(&mut settings)?;
+            (settings, checkpoint.initial().clone())
+        }
+    };
+    settings.validate()?;
+    let (training, validation) = arguments(command)?;
+    let load = |arguments: &[PathBuf]| load(arguments, &settings, &initial);
+    let (scenes, judges) = (load(&training)?, load(&validation)?);
+    command.make_folder()?;
+    let levels = |scenes: &[TuningScene]| scenes.iter().map(|s| s.levels.len()).sum::<usize>();
+    log.say(format_args!(
+        "breeding programs from `{}` on {} images of {}, trying them on {} of {}",
+        settings.initial,
+        levels(&scenes),
+        number::plural(scenes.len(), "scene"),
+        levels(&judges),
+        number::plural(judges.len(), "scene"),
+    ));
+    let judge = Judge::new(settings.clone(), &scenes, &judges, backend)?;
+    let mut search = match checkpoint {
+        Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), judge)?,
+        None => Search::new(initial, judge)?,
+    };
+    Recall::of(&training, &validation).write(&command.out.join(SCENES))?;
+    let time_limit = command.max_time.map(|seconds| Duration::from_secs(seconds.into()));
+    let control = Control {
+        stop: interrupt::flag(log, "stopping: the best so far is the result"),
+        time_limit,
+        checkpoints: Some(Checkpoints {
+            path: command.out.join(CHECKPOINT),
+            interval: command.checkpoint_every,
+        }),
+    };
+    let progress = Progress::new(log, settings.generations, time_limit);
+    let outcome = search.run(&control, &|event| progress.hear(event))?;
+    progress.finish();
+    report(&command.out, &settings, &outcome, log)
+}
+
+/// The filter to begin with.
+fn initial(name: &str) -> Result<Filter, Error> {
+    if name == SEED { Ok(seed()) } else { resolve::resolve(name, None) }
+}
+
+/// The scenes to breed on and to judge by, as arguments.
+fn arguments(command: &Evolve) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Error> {
+    let remembered = match command.resume {
+        true => Recall::read(&command.out.join(SCENES))?,
+        false => Recall::default(),
+    };
+    let given = !command.scenes.is_empty() || !remembered.scenes().is_empty();
+    let or = |first: &Vec<PathBuf>, second: Vec<PathBuf>, third: &[&str]| -> Vec<PathBuf> {
+        match (first.is_empty(), second.is_empty()) {
+            (false, _) => first.clone(),
+            (true, false) => second,
+            (true, true) => third.iter().map(PathBuf::from).collect(),
+        }
+    };
+    // Whoever names the scenes to breed on names those to judge by, or has none.
+    let judges: &[&str] = if given { &[] } else { &[DEFAULT_VALIDATION] };
+    Ok((
+        or(&command.scenes, remembered.scenes(), &DEFAULT_SCENES),
+        or(&command.validate, remembered.validate(), judges),
+    ))
+}
+
+/// Scenes with what programs may read and the filter to begin with does.
+fn load(
+    arguments: &[PathBuf],
+    settings: &Settings,
+    initial: &Filter,
+) -> Result<Vec<TuningScene>, Error> {
+    if arguments.is_empty() {
+        return Ok(Vec::new());
+    }
+    let checked = initial.check().expect("filters that are read make sense");
+    let needs = Needs::terms(settings.vocabulary()?).union(checked.needs());
+    let reach = checked.reach().max(settings.max_reach);
+    let files = scenes::find(arguments)?;
+    let scene = |files| TuningScene::load(files, &needs, reach);
+    Ok(files.iter().map(scene).collect::<Result<_, crate::tune::Error>>()?)
+}
+
+/// Writes what was found, and says it.
+fn report(out: &Path, settings: &Settings, outcome: &Outcome, log: Log) -> Result<String, Error> {
+    let named = |finalist: &Finalist, name: &str| {
+        let filter = Filter { name: name.to_owned(), ..finalist.judged.genome.filter().clone() };
+        filter.to_toml(training(settings, outcome, finalist))
+    };
+    let mut files = vec![
+        (out.join(BEST), named(&outcome.best, "best")),
+        (out.join(HISTORY), history::csv(&outcome.history)),
+        (out.join(SUMMARY), summary(settings, outcome)),
+        (out.join(CHART), chart(outcome)),
+    ];
+    let folder = out.join(FRONT);
+    std::fs::create_dir_all(&folder).map_err(|source| Error::Folder {
+        path: folder.display().to_string(),
+        option: "--out",
+        source,
+    })?;
+    for (finalist, number) in outcome.front.iter().zip(1..) {
+        let name = format!("front-{number:02}");
+        files.push((folder.join(format!("{name}.toml")), named(finalist, &name)));
+    }
+    for (path, text) in &files {
+        write_atomically(path, text.as_bytes())?;
+    }
+    let names = [BEST, SUMMARY, HISTORY, CHART, CHECKPOINT].map(|name| out.join(name));
+    let names = names.map(|path| path.display().to_string());
+    log.say(format_args!("wrote {} and {}", names.join(", "), folder.display()));
+    let best = &outcome.best;
+    Ok(format!(
+        "{}\n{}\nsearch {}: {} programs judged, {} given up\n",
+        stages(&best.judged.genome.filter().check().expect("genomes make sense")),
+        front(outcome, Format::Plain),
+        record::ending(outcome.ending),
+        outcome.judged,
+        outcome.dropped,
+    ))
+}
+
+/// The `[training]` table of a filter file. Nothing in it hangs on a clock or on the number of
+/// threads.
+fn training(settings: &Settings, outcome: &Outcome, finalist: &Finalist) -> toml::Table {
+    let mut table = toml::Table::new();
+    let mut put = |key: &str, value: toml::Value| table.insert(key.to_owned(), value);
+    put("program", concat!("tamis ", env!("CARGO_PKG_VERSION")).into());
+    put("score", finalist.judged.error.into());
+    if let Some([score, rel_mse, trimmed]) = finalist.validation {
+        put("validation-score", score.into());
+        put("validation-rel-mse", rel_mse.into());
+        put("validation-trimmed-rel-mse", trimmed.into());
+    }
+    put("difference-from-exact", finalist.difference.into());
+    put("predicted-nanoseconds-per-pixel", finalist.judged.cost.into());
+    put("nodes", (finalist.judged.genome.size() as i64).into());
+    put("tuning-steps", i64::from(finalist.judged.steps).into());
+    put("ending", record::ending(outcome.ending).into());
+    put("programs-judged", (outcome.judged as i64).into());
+    put("programs-given-up", (outcome.dropped as i64).into());
+    put("parameters", toml::Value::try_from(settings).expect("settings are TOML"));
+    table
+}
+
+/// The result and the front as a table.
+fn front(outcome: &Outcome, format: Format) -> String {
+    let mut table = Table::new([
+        ("program", Align::Left),
+        ("score", Align::Right),
+        ("validation", Align::Right),
+        ("RelMSE (trimmed)", Align::Right),
+        ("ns/pixel", Align::Right),
+        ("nodes", Align::Right),
+        ("stages", Align::Right),
+        ("from exact", Align::Right),
+    ]);
+    let rows = outcome.front.iter().zip(1..).map(|(f, k)| (format!("front-{k:02}"), f));
+    for (name, finalist) in rows.chain([("best".to_owned(), &outcome.best)]) {
+        let judged = &finalist.judged;
+        let dash = || "-".to_owned();
+        let errors = |[_, rel_mse, trimmed]: [f64; 3]| {
+            format!("{} ({})", number::error(rel_mse), number::error(trimmed))
+        };
+        table.row([
+            name,
+            format!("{:.4}", judged.error),
+            finalist.validation.map_or_else(dash, |[score, ..]| format!("{score:.4}")),
+            finalist.validation.map_or_else(dash, errors),
+            format!("{:.0}", judged.cost),
+            judged.genome.size().to_string(),
+            judged.genome.filter().stages.len().to_string(),
+            number::difference(finalist.difference),
+        ]);
+    }
+    table.render(format)
+}
+
+/// The summary of a run, for people: one Markdown page.
+fn summary(settings: &Settings, outcome: &Outcome) -> String {
+    let best = &outcome.best;
+    let filter = best.judged.genome.filter();
+    let checked = filter.check().expect("genomes make sense");
+    let mut page = format!(
+        "# A bred program\n\nSeed {}, from `{}`. The search {} after generation {} of {}; it judged \
+         {} programs and gave up {}.\n\n",
+        settings.seed,
+        settings.initial,
+        record::ending(outcome.ending),
+        outcome.history.last().map_or(0, |row| row.generation),
+        settings.generations,
+        outcome.judged,
+        outcome.dropped,
+    );
+    page += &format!("```text\n{}```\n\n", stages(&checked));
+    page += "## The front\n\nPrograms of which none is better by score, predicted time and size at \
+             once, the fastest first, and the result. RelMSE is of the validation scenes.\n\n";
+    page += &front(outcome, Format::Markdown);
+    page += &format!("\n![Predicted time against score]({CHART})\n");
+    page += "\n## Course\n\n";
+    page += &course(&outcome.history);
+    page += "\n## Parameters\n\n";
+    let columns = ["flag", "value", "meaning"];
+    let mut table = Table::new(columns.map(|name| (name, Align::Left)));
+    for [flag, value, doc] in listing(settings) {
+        table.row([format!("`{flag}`"), value, doc]);
+    }
+    page += &table.render(Format::Markdown);
+    page
+}
+
+fn course(rows: &[Row]) -> String {
+    let names = ["generation", "best", "median", "validation", "RelMSE", "ns/pixel", "nodes"];
+    let mut table = Table::new(names.map(|name| (name, Align::Right)));
+    let step = rows.len().div_ceil(COURSE).max(1);
+    let shown = rows.iter().enumerate().filter(|(k, _)| k % step == 0 || k + 1 == rows.len());
+    let cell = |x: f64, text: String| if x.is_nan() { "-".to_owned() } else { text };
+    for (_, row) in shown {
+        table.row([
+            row.generation.to_string(),
+            format!("{:.4}", row.best),
+            format!("{:.4}", row.median),
+            cell(row.validation, format!("{:.4}", row.validation)),
+            cell(row.rel_mse, number::error(row.rel_mse)),
+            format!("{:.0}", row.cost),
+            row.size.to_string(),
+        ]);
+    }
+    table.render(Format::Markdown)
+}
+
+/// Predicted time against the error on the validation scenes, or where there are none on the
+/// training scenes.
+fn chart(outcome: &Outcome) -> String {
+    let error = |finalist: &Finalist| match finalist.validation {
+        Some([_, rel_mse, _]) => rel_mse,
+        None => finalist.judged.error.exp(),
+    };
+    let validated = outcome.best.validation.is_some();
+    let point = |finalist: &Finalist, label: String| Point {
+        x: finalist.judged.cost,
+        y: error(finalist),
+        title: format!(
+            "{label}: {:.0} ns per pixel, {}",
+            finalist.judged.cost,
+            number::error(error(finalist))
+        ),
+        label,
+    };
+    let front = outcome.front.iter().zip(1..);
+    let series =
+        |name: &str, points| Series { color: name.to_owned(), shape: name.to_owned(), points };
+    Chart {
+        title: "Bred programs".to_owned(),
+        subtitle: match validated {
+            true => "Geometric means over the validation scenes".to_owned(),
+            false => "Scores on the training scenes".to_owned(),
+        },
+        x: "predicted nanoseconds per pixel".to_owned(),
+        y: if validated { "RelMSE" } else { "loss" }.to_owned(),
+        series: vec![
+            series("front", front.map(|(f, k): (_, usize)| point(f, format!("{k}"))).collect()),
+            series("best", vec![point(&outcome.best, "best".to_owned())]),
+        ],
+        colors: "programs".to_owned(),
+        shapes: "programs".to_owned(),
+        labels: "Numbers at marks: files in front/.".to_owned(),
+        front: "no faster one errs less".to_owned(),
+    }
+    .svg()
+}
+
+/// A line that redraws itself on a terminal, and a line every so often elsewhere.
+struct Progress {
+    log: Log,
+    bar: Option<ProgressBar>,
+    started: Instant,
+    time_limit: Option<Duration>,
+    generations: u32,
+    state: Mutex<Shown>,
+}
+
+/// What is shown.
+struct Shown {
+    /// The generation that this run starts with, once it is known.
+    first: Option<u32>,
+    row: String,
+    last_line: Option<Instant>,
+    /// How long the last generation took.
+    pace: Option<Duration>,
+    began: Instant,
+}
+
+impl Progress {
+    fn new(log: Log, generations: u32, time_limit: Option<Duration>) -> Self {
+        let bar = log.bar(0);
+        let started = Instant::now();
+        let state =
+            Shown { first: None, row: String::new(), last_line: None, pace: None, began: started };
+        Self { log, bar, started, time_limit, generations, state: Mutex::new(state) }
+    }
+
+    fn hear(&self, event: Event<'_>) {
+        let mut state = self.state.lock().expect("nobody panics with it");
+        match event {
+            Event::Child { generation, judged, of } => {
+                self.show(&mut state, generation, judged as f64 / of.max(1) as f64);
+            }
+            Event::Generation(row) => {
+                state.pace = Some(state.began.elapsed());
+                state.began = Instant::now();
+                state.row = format!("score {:.4}", row.best);
+                if !row.validation.is_nan() {
+                    state.row += &format!(
+                        "  validation {:.4}  RelMSE {} ({})",
+                        row.validation,
+                        number::error(row.rel_mse),
+                        number::error(row.trimmed_rel_mse)
+                    );
+                    if self.bar.is_none() {
+                        let line = format!("generation {}  {}", row.generation, state.row);
+                        self.log.say(line);
+                        state.last_line = Some(Instant::now());
+                    }
+                }
+                self.show(&mut state, row.generation, 1.0);
+            }
+            Event::Finish { steps } => {
+                let text = format!("tuning the winner by {steps} steps");
+                match &self.bar {
+                    Some(bar) => bar.set_message(text),
+                    None => self.log.say(text),
+                }
+            }
+        }
+    }
+
+    fn show(&self, state: &mut Shown, generation: u32, share: f64) {
+        const FINENESS: f64 = 1000.0;
+        let first = *state.first.get_or_insert(generation);
+        let done = f64::from(generation - first) + share;
+        let all = f64::from((self.generations + 1).saturating_sub(first)).max(1.0);
+        // Programs grow, so that the last generation tells more than all of them.
+        let pace = state.pace.unwrap_or_else(|| self.started.elapsed().div_f64(done.max(1e-3)));
+        let mut left = pace.mul_f64((all - done).max(0.0));
+        if let Some(limit) = self.time_limit {
+            left = left.min(limit.saturating_sub(self.started.elapsed()));
+        }
+        let text = format!(
+            "generation {generation}/{}  {}  {} left",
+            self.generations,
+            state.row,
+            number::clock(left)
+        );
+        match &self.bar {
+            Some(bar) => {
+                bar.set_length((all * FINENESS) as u64);
+                bar.set_position((done * FINENESS) as u64);
+                bar.set_message(text);
+            }
+            None if state.last_line.is_none_or(|then| then.elapsed() >= PAUSE) => {
+                state.last_line = Some(Instant::now());
+                self.log.say(text);
+            }
+            None => {}
+        }
+    }
+
+    fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

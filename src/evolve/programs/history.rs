@@ -1,0 +1,86 @@
+//! The course of a search for programs, generation by generation.
+
+use serde::{Deserialize, Serialize};
+
+use super::checkpoint::State;
+use super::judge::Judged;
+use super::selection::ranks;
+use crate::evolve::encoding;
+
+/// What a search had come to after a generation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// Which; 0 is the initial one.
+    pub generation: u32,
+    /// The least error of the population.
+    #[serde(with = "encoding::exact")]
+    pub best: f64,
+    /// The median of its errors.
+    #[serde(with = "encoding::exact")]
+    pub median: f64,
+    /// Nanoseconds per pixel that the program of the least error is predicted to take.
+    #[serde(with = "encoding::exact")]
+    pub cost: f64,
+    /// Its nodes and layers' numbers.
+    pub size: usize,
+    /// Programs of which none is better by all goals.
+    pub front: usize,
+    /// The score of the program of the least error on the validation scenes; not a number
+    /// where it was not tried.
+    #[serde(with = "encoding::exact")]
+    pub validation: f64,
+    /// Its RelMSE there, the geometric mean.
+    #[serde(with = "encoding::exact")]
+    pub rel_mse: f64,
+    /// The same without the worst 0.1% of the pixels.
+    #[serde(with = "encoding::exact")]
+    pub trimmed_rel_mse: f64,
+    /// Programs judged by now.
+    pub judged: u64,
+    /// Programs given up by now.
+    pub dropped: u64,
+}
+
+impl Row {
+    pub(super) fn new(generation: u32, state: &State, trial: Option<[f64; 3]>) -> Self {
+        let population = &state.population;
+        let mut errors: Vec<f64> = population.iter().map(|judged| judged.error).collect();
+        errors.sort_by(f64::total_cmp);
+        let best = population.iter().min_by(|a, b| a.error.total_cmp(&b.error));
+        let best = best.expect("a generation leaves somebody");
+        let goals: Vec<[f64; 3]> = population.iter().map(Judged::goals).collect();
+        let [validation, rel_mse, trimmed_rel_mse] = trial.unwrap_or([f64::NAN; 3]);
+        Self {
+            generation,
+            best: best.error,
+            median: errors[errors.len() / 2],
+            cost: best.cost,
+            size: best.genome.size(),
+            front: ranks(&goals).iter().filter(|&&rank| rank == 0).count(),
+            validation,
+            rel_mse,
+            trimmed_rel_mse,
+            judged: state.judged,
+            dropped: state.dropped,
+        }
+    }
+}
+
+/// Rows as comma-separated values, under a header. What is not known is left empty.
+pub fn csv(rows: &[Row]) -> String {
+    let mut csv = String::from(
+        "generation,best,median,cost,size,front,validation,rel_mse,trimmed_rel_mse,judged,dropped\n",
+    );
+    let known = |x: f64| if x.is_nan() { String::new() } else { x.to_string() };
+    for row in rows {
+        let Row { generation, best, median, cost, size, front, judged, dropped, .. } = row;
+        let [validation, rel_mse, trimmed] =
+            [row.validation, row.rel_mse, row.trimmed_rel_mse].map(known);
+        csv += &format!(
+            "{generation},{best},{median},{cost},{size},{front},{validation},{rel_mse},{trimmed},\
+             {judged},{dropped}\n"
+        );
+    }
+    csv
+}

@@ -1,0 +1,427 @@
+//! The search itself: generation after generation.
+
+use std::collections::BTreeSet;
+
+use rand::RngExt;
+use rayon::prelude::*;
+
+use super::checkpoint::{Checkpoint, State};
+use super::genome::{Genome, Shape};
+use super::history::Row;
+use super::judge::{Judge, Judged, Verdict};
+use super::selection::{Goals, crowding, lexicase, ranks, survivors, tournament};
+use super::settings::Settings;
+use crate::backend::{ACCURACY, Backend, Differentiator};
+use crate::evolve::Error;
+use crate::expr::feature::{Feature, Quantity};
+use crate::filter::Filter;
+use crate::tune::{self, Control, Ending, Stream, Watch, stream};
+
+/// Share of the parents that are chosen by the scenes; the others by rank and room.
+const BY_SCENES: f64 = 0.7;
+
+/// How much more steps those get that are tuned further.
+const POLISHED: u32 = 3;
+
+/// How far a winner may be from its exact meaning: half of what back ends promise.
+const TOLERANCE: f64 = ACCURACY / 2.0;
+
+/// News of a search.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
+    /// A child was judged.
+    Child {
+        /// The generation that is being formed.
+        generation: u32,
+        /// How many of its children are judged.
+        judged: usize,
+        /// Of how many.
+        of: usize,
+    },
+    /// A generation is complete.
+    Generation(&'a Row),
+    /// The winner is tuned.
+    Finish {
+        /// By how many steps.
+        steps: u32,
+    },
+}
+
+/// A program of the front, judged by everything there is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finalist {
+    /// The program and how it does on the training scenes.
+    pub judged: Judged,
+    /// On the validation scenes: the mean score, RelMSE, trimmed RelMSE; none without such
+    /// scenes.
+    pub validation: Option<[f64; 3]>,
+    /// How far what is computed is from exact.
+    pub difference: f64,
+}
+
+/// What a search found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// The winner, finished.
+    pub best: Finalist,
+    /// Programs of which none is better by all goals, the fastest first.
+    pub front: Vec<Finalist>,
+    /// A row per generation.
+    pub history: Vec<Row>,
+    /// Programs that were judged.
+    pub judged: u64,
+    /// Programs that were given up before they were tuned, or that could not run.
+    pub dropped: u64,
+    /// How the search ended.
+    pub ending: Ending,
+}
+
+/// A search under way.
+pub struct Search<'a, B> {
+    judge: Judge<'a, B>,
+    features: Vec<(Feature, Quantity)>,
+    initial: Genome,
+    /// How far a stage of the filter that it begins with looks.
+    reach: usize,
+    state: State,
+}
+
+/// What a place of a generation holds before it is judged.
+struct Child {
+    genome: Genome,
+    /// Steps by which its constants were tuned before.
+    earlier: u32,
+    steps: u32,
+    /// Which program of the population it is, tuned further.
+    polishes: Option<usize>,
+}
+
+impl<'a, B: Backend + Differentiator> Search<'a, B> {
+    /// A search that begins with mutants of a filter.
+    ///
+    /// # Errors
+    /// If the settings make no sense.
+    ///
+    /// # Panics
+    /// If the filter makes no sense.
+    pub fn new(initial: Filter, judge: Judge<'a, B>) -> Result<Self, Error> {
+        judge.settings().validate()?;
+        let features = judge.settings().vocabulary()?;
+        let initial = Genome::new(initial).expect("whoever has a filter has checked it");
+        let reach = initial.filter().check().expect("genomes make sense").reach();
+        Ok(Self { judge, features, initial, reach, state: State::default() })
+    }
+
+    /// A search that goes on from a checkpoint, and ends with what the search that wrote it
+    /// would have ended with.
+    ///
+    /// # Errors
+    /// If the settings make no sense.
+    pub fn resume(checkpoint: Checkpoint, judge: Judge<'a, B>) -> Result<Self, Error> {
+        let Checkpoint { initial, state, .. } = checkpoint;
+        Ok(Self { state, ..Self::new(initial, judge)? })
+    }
+
+    /// What there is to go on from.
+    pub fn checkpoint(&self) -> Checkpoint {
+        Checkpoint {
+            initial: self.initial.filter().clone(),
+            settings: self.judge.settings().clone(),
+            state: self.state.clone(),
+        }
+    }
+
+    /// Searches to the end, however that comes.
+    ///
+    /// # Errors
+    /// If the back end fails, or a checkpoint cannot be written.
+    pub fn run(
+        &mut self,
+        control: &Control,
+        hear: &(dyn Fn(Event<'_>) + Sync),
+    ) -> Result<Outcome, Error> {
+        let watch = Watch::start(control);
+        let ending = self.breed(&watch, control, hear)?;
+        self.save(control)?;
+        self.outcome(ending, hear)
+    }
+
+    fn save(&self, control: &Control) -> Result<(), Error> {
+        match &control.checkpoints {
+            Some(checkpoints) => self.checkpoint().write(&checkpoints.path),
+            None => Ok(()),
+        }
+    }
+
+    fn breed(
+        &mut self,
+        watch: &Watch<'_>,
+        control: &Control,
+        hear: &(dyn Fn(Event<'_>) + Sync),
+    ) -> Result<Ending, Error> {
+        while self.state.next <= self.judge.settings().generations {
+            let begun = !self.state.population.is_empty();
+            if let Some(ending) = watch.ending().filter(|_| begun) {
+                return Ok(ending);
+            }
+            let generation = self.state.next;
+            let children = self.children(generation);
+            let Some(verdicts) = self.judged(generation, &children, watch, hear)? else {
+                return Ok(watch.ending().unwrap_or(Ending::Stopped));
+            };
+            self.settle(generation, &children, verdicts)?;
+            hear(Event::Generation(self.state.history.last().expect("it was just added")));
+            if let Some(checkpoints) = &control.checkpoints
+                && (generation == 0
+                    || checkpoints.interval > 0 && generation.is_multiple_of(checkpoints.interval))
+            {
+                self.save(control)?;
+            }
+            let patience = self.judge.settings().patience;
+            if patience > 0 && self.state.waiting >= patience {
+                break;
+            }
+        }
+        Ok(Ending::Finished)
+    }
+
+    /// The programs of a generation that are yet to be judged, each of another shape than the
+    /// others and than the population's, but for those that are tuned further.
+    fn children(&self, generation: u32) -> Vec<Child> {
+        let settings = self.judge.settings();
+        let count = if generation == 0 { settings.population } else { settings.children };
+        let population = &self.state.population;
+        let goals: Vec<Goals> = population.iter().map(Judged::goals).collect();
+        let ranks = ranks(&goals);
+        let room = crowding(&goals, &ranks);
+        let cases: Vec<&[f64]> = population.iter().map(|judged| &judged.scores[..]).collect();
+        let parent = |rng: &mut Stream| match rng.random_bool(BY_SCENES) {
+            true => lexicase(&cases, rng),
+            false => tournament(&ranks, &room, rng),
+        };
+        let child = |index: usize| -> Option<Child> {
+            let mut rng = stream(settings.seed, 0, generation, index);
+            let admits = |genome: &Genome| self.admits(genome);
+            let steps = settings.tune_steps;
+            if population.is_empty() {
+                let mut genome = self.initial.clone();
+                if index > 0 {
+                    for _ in 0..rng.random_range(1..=3) {
+                        genome = genome.mutant(&self.features, &mut rng, admits)?;
+                    }
+                }
+                return Some(Child { genome, earlier: 0, steps, polishes: None });
+            }
+            let share = (index as f64 + 0.5) / count as f64;
+            let first = parent(&mut rng);
+            let judged = &population[first];
+            if share < settings.polish {
+                let (genome, earlier) = (judged.genome.clone(), judged.steps);
+                let steps = POLISHED * steps;
+                return Some(Child { genome, earlier, steps, polishes: Some(first) });
+            }
+            let genome = if share < settings.polish + settings.crossover {
+                let second = &population[parent(&mut rng)];
+                judged.genome.crossed(&second.genome, &self.features, &mut rng, admits)?
+            } else {
+                judged.genome.mutant(&self.features, &mut rng, admits)?
+            };
+            Some(Child { genome, earlier: judged.steps, steps, polishes: None })
+        };
+        let children: Vec<Option<Child>> = (0..count).into_par_iter().map(child).collect();
+        let mut shapes: BTreeSet<Shape> =
+            population.iter().map(|judged| judged.genome.shape()).collect();
+        let mut polished = BTreeSet::new();
+        let is_new = |child: &Child| match child.polishes {
+            Some(which) => polished.insert(which),
+            None => shapes.insert(child.genome.shape()),
+        };
+        children.into_iter().flatten().filter(is_new).collect()
+    }
+
+    fn admits(&self, genome: &Genome) -> bool {
+        let settings = self.judge.settings();
+        let filter = genome.filter();
+        let known = |symbol: &crate::expr::Symbol| match symbol.reads() {
+            None => true,
+            Some((Feature::Pixel, _)) => true,
+            Some(term) => self.features.contains(&term) || self.reads_at_first(term),
+        };
+        let checked = filter.check().expect("genomes make sense");
+        genome.size() <= settings.max_nodes.max(self.initial.size())
+            && checked.reach() <= settings.max_reach.max(self.reach)
+            && filter.stages.len() <= settings.max_stages.max(self.initial.filter().stages.len())
+            && filter
+                .stages
+                .iter()
+                .flat_map(|s| s.trees())
+                .all(|tree| tree.is_stationary() && tree.symbols().iter().all(known))
+    }
+
+    /// Whether the filter that the search begins with reads something.
+    fn reads_at_first(&self, term: (Feature, Quantity)) -> bool {
+        let trees = self.initial.filter().stages.iter().flat_map(|stage| stage.trees());
+        trees.flat_map(|tree| tree.symbols()).any(|symbol| symbol.reads() == Some(term))
+    }
+
+    /// Judges children, in any order; nothing if there was a reason to end before all were.
+    fn judged(
+        &self,
+        generation: u32,
+        children: &[Child],
+        watch: &Watch<'_>,
+        hear: &(dyn Fn(Event<'_>) + Sync),
+    ) -> Result<Option<Vec<Verdict>>, Error> {
+        let worst = self.state.population.iter().max_by(|a, b| a.error.total_cmp(&b.error));
+        let bar = worst.map(|judged| &judged.scores[..]);
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        let first = self.state.population.is_empty();
+        let judge = |(index, child): (usize, &Child)| {
+            // At least the first generation is judged, so that there is something to show.
+            if !first && watch.ending().is_some() {
+                return Ok(None);
+            }
+            let bar = bar.filter(|_| child.polishes.is_none());
+            let name = [generation as usize, index];
+            let verdict = self.judge.judge(&child.genome, child.earlier, child.steps, bar, name)?;
+            let judged = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            hear(Event::Child { generation, judged, of: children.len() });
+            Ok(Some(verdict))
+        };
+        let verdicts: Result<Vec<Option<Verdict>>, tune::Error> =
+            children.par_iter().enumerate().map(judge).collect();
+        Ok(verdicts.map_err(Error::fitness)?.into_iter().collect())
+    }
+
+    /// Takes a generation's children into the population.
+    fn settle(
+        &mut self,
+        generation: u32,
+        children: &[Child],
+        verdicts: Vec<Verdict>,
+    ) -> Result<(), Error> {
+        let state = &mut self.state;
+        for (child, verdict) in children.iter().zip(verdicts) {
+            match (verdict, child.polishes) {
+                (Verdict::Judged(judged), Some(which)) => {
+                    state.judged += 1;
+                    if judged.error < state.population[which].error {
+                        state.population[which] = *judged;
+                    }
+                }
+                (Verdict::Judged(judged), None) => {
+                    state.judged += 1;
+                    state.population.push(*judged);
+                }
+                (Verdict::Dropped | Verdict::Unfit, _) => state.dropped += 1,
+            }
+        }
+        let goals: Vec<Goals> = state.population.iter().map(Judged::goals).collect();
+        let stay = survivors(&goals, self.judge.settings().population);
+        let mut k = 0;
+        state.population.retain(|_| {
+            k += 1;
+            stay.binary_search(&(k - 1)).is_ok()
+        });
+        state.next = generation + 1;
+        let settings = self.judge.settings();
+        let last = generation == settings.generations;
+        let trial =
+            if self.judge.validates() && (generation.is_multiple_of(settings.interval) || last) {
+                let best = self.best_by_error();
+                let [score, rel_mse, trimmed] =
+                    self.judge.validate(&best.genome).map_err(Error::fitness)?;
+                let state = &mut self.state;
+                let better = state.validated.is_none_or(|least| score < least);
+                if better {
+                    state.validated = Some(score);
+                }
+                state.waiting = if better { 0 } else { state.waiting + 1 };
+                Some([score, rel_mse, trimmed])
+            } else {
+                None
+            };
+        let row = Row::new(generation, &self.state, trial);
+        self.state.history.push(row);
+        Ok(())
+    }
+
+    fn best_by_error(&self) -> &Judged {
+        let by_error = |a: &&Judged, b: &&Judged| a.error.total_cmp(&b.error);
+        self.state.population.iter().min_by(by_error).expect("a generation leaves somebody")
+    }
+
+    /// Judges the front by everything there is, and finishes the winner.
+    fn outcome(&self, ending: Ending, hear: &(dyn Fn(Event<'_>) + Sync)) -> Result<Outcome, Error> {
+        let population = &self.state.population;
+        let goals: Vec<Goals> = population.iter().map(Judged::goals).collect();
+        let ranks = ranks(&goals);
+        let members: Vec<&Judged> =
+            population.iter().zip(&ranks).filter(|&(_, &rank)| rank == 0).map(|(j, _)| j).collect();
+        let finalists = members
+            .par_iter()
+            .map(|judged| self.finalist((*judged).clone()))
+            .collect::<Result<Vec<Finalist>, tune::Error>>();
+        let mut front = finalists.map_err(Error::fitness)?;
+        front.sort_by(|a, b| {
+            a.judged.cost.total_cmp(&b.judged.cost).then(a.judged.error.total_cmp(&b.judged.error))
+        });
+        let score = |finalist: &Finalist| match finalist.validation {
+            Some([score, ..]) => score,
+            None => finalist.judged.error,
+        };
+        let accurate = front.iter().filter(|finalist| finalist.difference <= TOLERANCE);
+        let winner = accurate
+            .min_by(|a, b| score(a).total_cmp(&score(b)))
+            .or_else(|| front.iter().min_by(|a, b| a.difference.total_cmp(&b.difference)))
+            .expect("the population is not empty")
+            .clone();
+        let best = match ending {
+            Ending::Finished => {
+                let steps = self.judge.settings().finish_steps;
+                hear(Event::Finish { steps });
+                let finished = self.finished(&winner).map_err(Error::fitness)?;
+                // What tuning made worse, or inaccurate, is not taken.
+                match score(&finished) < score(&winner) && finished.difference <= TOLERANCE {
+                    true => finished,
+                    false => winner,
+                }
+            }
+            Ending::Stopped | Ending::TimeLimit => winner,
+        };
+        Ok(Outcome {
+            best,
+            front,
+            history: self.state.history.clone(),
+            judged: self.state.judged,
+            dropped: self.state.dropped,
+            ending,
+        })
+    }
+
+    fn finalist(&self, judged: Judged) -> Result<Finalist, tune::Error> {
+        let validation = match self.judge.validates() {
+            true => Some(self.judge.validate(&judged.genome)?),
+            false => None,
+        };
+        let difference = self.judge.difference(&judged.genome)?;
+        Ok(Finalist { judged, validation, difference })
+    }
+
+    fn finished(&self, winner: &Finalist) -> Result<Finalist, tune::Error> {
+        let genome = self.judge.finished(&winner.judged.genome)?;
+        let steps = winner.judged.steps + self.judge.settings().finish_steps;
+        match self.judge.judge(&genome, steps, 0, None, [0, 0])? {
+            Verdict::Judged(judged) => self.finalist(*judged),
+            Verdict::Dropped | Verdict::Unfit => Ok(winner.clone()),
+        }
+    }
+}
+
+impl Settings {
+    /// The settings with another number of generations, which a search that goes on may have.
+    #[must_use]
+    pub fn until(self, generations: u32) -> Self {
+        Self { generations, ..self }
+    }
+}

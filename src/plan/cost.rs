@@ -1,0 +1,107 @@
+//! How long a program takes, as far as its kernels tell.
+//!
+//! A kernel costs what its instructions take per pixel and per pair, and what its planes take
+//! to be read and written. The shares were fitted by `cargo bench --bench cost`, which also
+//! says how far the prediction is from the clock; benches/RESULTS.md has what it said.
+
+use super::kernel::{Kernel, PairLoop};
+use super::schedule::Program;
+use crate::expr::tape::{Instr, Prim, Tape};
+use crate::filter::Grid;
+
+/// What a program's kernels do per pixel of the image: the terms of its cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Effort {
+    /// Instructions of maps.
+    pub mapped: f64,
+    /// Instructions of pairs, all taps together, and sums of channels.
+    pub paired: f64,
+    /// Taps of gathers, each with its own start and end.
+    pub taps: f64,
+    /// Numbers that kernels write.
+    pub written: f64,
+    /// Numbers that kernels read.
+    pub read: f64,
+}
+
+impl Effort {
+    /// Nanoseconds per unit of each term, on one core of an x86-64 processor with AVX-512.
+    const SHARES: [f64; 5] = [0.05, 0.05, 0.1, 0.5, 0.2];
+
+    /// The terms, in their order.
+    pub fn terms(&self) -> [f64; 5] {
+        [self.mapped, self.paired, self.taps, self.written, self.read]
+    }
+
+    /// Nanoseconds per pixel.
+    pub fn nanoseconds(&self) -> f64 {
+        self.terms().iter().zip(Self::SHARES).map(|(term, share)| term * share).sum()
+    }
+}
+
+impl Program {
+    /// What the program does per pixel.
+    pub fn effort(&self) -> Effort {
+        let mut sum = Effort::default();
+        for kernel in &self.kernels {
+            let effort = effort(kernel);
+            let share = match kernel.grid() {
+                Grid::Full => 1.0,
+                Grid::Half => 0.25,
+            };
+            sum.mapped += share * effort.mapped;
+            sum.paired += share * effort.paired;
+            sum.taps += share * effort.taps;
+            sum.written += share * effort.written;
+            sum.read += share * effort.read;
+        }
+        sum
+    }
+
+    /// About how many nanoseconds the program takes per pixel, on one core of the machine that
+    /// the prediction was fitted on. Others are faster or slower, by about the same factor for
+    /// all programs.
+    pub fn cost(&self) -> f64 {
+        self.effort().nanoseconds()
+    }
+}
+
+fn effort(kernel: &Kernel) -> Effort {
+    let written = kernel.writes().len() as f64;
+    let planes = kernel.looks().len() + kernel.features().len();
+    let base = Effort { written, read: planes as f64, ..Effort::default() };
+    match kernel {
+        Kernel::Map(map) => Effort { mapped: instructions(&map.tape), ..base },
+        Kernel::Gather(gather) => {
+            let channels = gather.channels.len() + 1 + usize::from(gather.variance.is_some());
+            let pairs = pairs(&gather.pairs, channels);
+            Effort { paired: pairs.0, taps: pairs.1, ..base }
+        }
+        Kernel::Sum(sum) => {
+            let pairs = pairs(&sum.pairs, sum.writes.len());
+            Effort { paired: pairs.0, taps: pairs.1, ..base }
+        }
+        // Running sums: about two additions per axis.
+        Kernel::Box(mean) => Effort { mapped: 4.0 * mean.channels.len() as f64, ..base },
+        Kernel::Resample(_) => Effort { mapped: 6.0, ..base },
+        Kernel::Transpose(_) | Kernel::Given(_) => base,
+    }
+}
+
+/// Instructions and taps of a loop over pairs.
+fn pairs(pairs: &PairLoop, sums: usize) -> (f64, f64) {
+    let taps: u32 = pairs.runs.iter().map(|run| run.count).sum();
+    let taps = f64::from(taps);
+    let ends = if pairs.mirrored { 2 } else { 1 };
+    (taps * (instructions(&pairs.pair) + (ends * sums) as f64), taps)
+}
+
+/// Instructions of a tape; divisions and roots count for several.
+fn instructions(tape: &Tape) -> f64 {
+    let weight = |instr: &Instr| match instr {
+        Instr::Prim(Prim::Div | Prim::Sqrt, _) => 4.0,
+        Instr::Prim(..) => 1.0,
+        _ => 0.5,
+    };
+    tape.instrs().iter().map(weight).sum()
+}
