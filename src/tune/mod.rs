@@ -26,16 +26,18 @@ pub mod loss;
 pub mod optimizer;
 pub mod rng;
 mod scenes;
+pub mod sealed;
 pub mod settings;
 mod tuner;
 
 pub use checkpoint::{Checkpoint, Row, csv};
 pub(crate) use control::Watch;
-pub use control::{Checkpoints, Control, Ending};
+pub use control::{Causes, Checkpoints, Control, Ending, Keeper};
 pub use error::Error;
 pub use loss::Loss;
 pub use rng::{Stream, stream};
 pub use scenes::{Level, TuningScene};
+pub use sealed::{SealedError, read_sealed, write_sealed};
 pub use settings::Settings;
 pub use tuner::{Event, Outcome, Trial, Tuner};
 
