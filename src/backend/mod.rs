@@ -22,6 +22,7 @@ pub mod gpu;
 pub mod reference;
 #[cfg(feature = "gpu")]
 pub mod shader;
+mod stoppable;
 
 use std::any::Any;
 
@@ -34,6 +35,7 @@ pub use cpu::Jit;
 #[cfg(feature = "gpu")]
 pub use gpu::Gpu;
 pub use reference::Exact;
+pub use stoppable::{PAIRS, Stoppable};
 #[cfg(feature = "jit")]
 pub use tamis_jit::{Chains, CpuFeatures, Width};
 
@@ -174,6 +176,23 @@ pub enum BackendError {
         /// The image's height.
         height: usize,
     },
+    /// Somebody asked to stop: see [`Stoppable`].
+    #[error("it was stopped")]
+    Stopped,
+}
+
+impl BackendError {
+    /// Whether an error says no more than that somebody asked to stop, whatever it is wrapped in.
+    pub fn is_stop(error: &(dyn std::error::Error + 'static)) -> bool {
+        let mut cause = Some(error);
+        while let Some(error) = cause {
+            if matches!(error.downcast_ref(), Some(Self::Stopped)) {
+                return true;
+            }
+            cause = error.source();
+        }
+        false
+    }
 }
 
 /// Something that turns plans into code.

@@ -8,6 +8,7 @@ mod error;
 pub mod exr;
 pub mod files;
 mod leftovers;
+mod lock;
 pub mod metric;
 mod output;
 pub mod pfm;
@@ -20,8 +21,9 @@ use std::path::Path;
 pub use error::ImageError;
 pub(crate) use error::listing;
 pub use exr::Attributes;
+pub use lock::{Lock, LockError};
 pub use metric::{Comparison, Metrics};
-pub use output::write_atomically;
+pub use output::{check_folder, write_atomically};
 pub use temporary::{Temporary, remove_temporary_files};
 
 use crate::expr::builder::LIMIT;

@@ -20,6 +20,18 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
     write_through(path, |file| file.write_all(bytes).map_err(|source| failed(path, source)))
 }
 
+/// Checks that files can be written into a folder, before anybody does work whose result is to
+/// go there. What killed runs left in it is removed on the way.
+///
+/// # Errors
+/// If it does not exist or cannot be written.
+pub fn check_folder(folder: &Path) -> Result<(), ImageError> {
+    match Temporary::private(folder) {
+        Ok(_) => Ok(()),
+        Err(source) => Err(failed(folder, source)),
+    }
+}
+
 /// What files are written through.
 pub(super) trait Target: Write + Seek {}
 
@@ -91,6 +103,19 @@ mod tests {
         }
         assert_eq!(fs::read_link(&link).expect("a link"), Path::new("out.txt"));
         assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 2);
+    }
+
+    #[test]
+    fn a_folder_is_checked_without_a_trace_and_swept() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let left = folder.path().join(format!(".tamis-{}-Xyz123", u32::MAX));
+        fs::write(&left, "left").expect("a writable folder");
+        check_folder(folder.path()).expect("it is writable");
+        let kept = fs::read_dir(folder.path()).expect("a folder").count();
+        assert_eq!(kept, usize::from(cfg!(not(target_os = "linux"))));
+        let gone = folder.path().join("gone");
+        let error = check_folder(&gone).unwrap_err().to_string();
+        assert!(error.contains("gone: cannot write"), "{error}");
     }
 
     #[test]
