@@ -6,8 +6,8 @@
 //! ```
 //!
 //! Shipped programs and bred ones (chains of mutants, named by their seeds) run on one thread
-//! in interleaved rounds, and medians count. Machines differ by a factor, which is taken out;
-//! what is left is told program by program. At the end stand the shares that would fit these
+//! in interleaved rounds, and the least time counts: what else a machine does only adds.
+//! Machines differ by a factor, which is taken out; what is left is told program by program. At the end stand the shares that would fit these
 //! measurements best: `plan/cost.rs` has those of the machine in `benches/RESULTS.md`.
 
 use std::path::Path;
@@ -80,8 +80,9 @@ fn main() {
         }
     }
     let pixels = (scene.layout().width() * scene.layout().height()) as f64;
+    let least = |times: &[f64]| times.iter().copied().fold(f64::INFINITY, f64::min);
     let measured: Vec<f64> =
-        entries.iter_mut().map(|e| median(&mut e.milliseconds) * 1e6 / pixels).collect();
+        entries.iter().map(|entry| least(&entry.milliseconds) * 1e6 / pixels).collect();
     let ratio = |(entry, measured): (&Entry, &f64)| entry.effort.nanoseconds() / measured;
     let mut ratios: Vec<f64> = entries.iter().zip(&measured).map(ratio).collect();
     let factor = median(&mut ratios.clone());
@@ -158,7 +159,7 @@ fn fitted(terms: &[Vec<f64>], measured: &[f64]) -> Vec<f64> {
         .map(|(terms, time)| terms.iter().map(|term| term / time).collect())
         .collect();
     let mut shares = vec![0.0; rows.first().map_or(0, Vec::len)];
-    for _ in 0..20_000 {
+    for _ in 0..100_000 {
         for k in 0..shares.len() {
             let rest = |row: &Vec<f64>| {
                 let others = row.iter().zip(&shares).enumerate().filter(|&(other, _)| other != k);

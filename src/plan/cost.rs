@@ -18,19 +18,44 @@ pub struct Effort {
     pub paired: f64,
     /// Taps of gathers, each with its own start and end.
     pub taps: f64,
-    /// Numbers that kernels write.
+    /// Numbers that maps and gathers write.
     pub written: f64,
     /// Numbers that kernels read.
     pub read: f64,
+    /// Means over windows by equal weights.
+    pub averaged: f64,
+    /// Numbers brought from one grid to the other.
+    pub resampled: f64,
 }
 
 impl Effort {
     /// Nanoseconds per unit of each term, on one core of an x86-64 processor with AVX-512.
-    const SHARES: [f64; 5] = [0.05, 0.05, 0.1, 0.5, 0.2];
+    const SHARES: [f64; 7] = [0.01, 0.038, 0.05, 1.75, 0.28, 2.0, 1.75];
 
     /// The terms, in their order.
-    pub fn terms(&self) -> [f64; 5] {
-        [self.mapped, self.paired, self.taps, self.written, self.read]
+    pub fn terms(&self) -> [f64; 7] {
+        let Self { mapped, paired, taps, written, read, averaged, resampled } = *self;
+        [mapped, paired, taps, written, read, averaged, resampled]
+    }
+
+    /// So much of it.
+    fn times(self, share: f64) -> Self {
+        let [mapped, paired, taps, written, read, averaged, resampled] =
+            self.terms().map(|term| share * term);
+        Self { mapped, paired, taps, written, read, averaged, resampled }
+    }
+
+    /// Both.
+    fn and(self, other: Self) -> Self {
+        Self {
+            mapped: self.mapped + other.mapped,
+            paired: self.paired + other.paired,
+            taps: self.taps + other.taps,
+            written: self.written + other.written,
+            read: self.read + other.read,
+            averaged: self.averaged + other.averaged,
+            resampled: self.resampled + other.resampled,
+        }
     }
 
     /// Nanoseconds per pixel.
@@ -42,20 +67,14 @@ impl Effort {
 impl Program {
     /// What the program does per pixel.
     pub fn effort(&self) -> Effort {
-        let mut sum = Effort::default();
-        for kernel in &self.kernels {
-            let effort = effort(kernel);
+        let efforts = self.kernels.iter().map(|kernel| {
             let share = match kernel.grid() {
                 Grid::Full => 1.0,
                 Grid::Half => 0.25,
             };
-            sum.mapped += share * effort.mapped;
-            sum.paired += share * effort.paired;
-            sum.taps += share * effort.taps;
-            sum.written += share * effort.written;
-            sum.read += share * effort.read;
-        }
-        sum
+            effort(kernel).times(share)
+        });
+        efforts.fold(Effort::default(), Effort::and)
     }
 
     /// About how many nanoseconds the program takes per pixel, on one core of the machine that
@@ -67,24 +86,23 @@ impl Program {
 }
 
 fn effort(kernel: &Kernel) -> Effort {
-    let written = kernel.writes().len() as f64;
-    let planes = kernel.looks().len() + kernel.features().len();
-    let base = Effort { written, read: planes as f64, ..Effort::default() };
+    let writes = kernel.writes().len() as f64;
+    let read = (kernel.looks().len() + kernel.features().len()) as f64;
+    let effort = Effort { read, ..Effort::default() };
     match kernel {
-        Kernel::Map(map) => Effort { mapped: instructions(&map.tape), ..base },
+        Kernel::Map(map) => Effort { mapped: instructions(&map.tape), written: writes, ..effort },
         Kernel::Gather(gather) => {
             let channels = gather.channels.len() + 1 + usize::from(gather.variance.is_some());
-            let pairs = pairs(&gather.pairs, channels);
-            Effort { paired: pairs.0, taps: pairs.1, ..base }
+            let (paired, taps) = pairs(&gather.pairs, channels);
+            Effort { paired, taps, written: writes, ..effort }
         }
         Kernel::Sum(sum) => {
-            let pairs = pairs(&sum.pairs, sum.writes.len());
-            Effort { paired: pairs.0, taps: pairs.1, ..base }
+            let (paired, taps) = pairs(&sum.pairs, sum.writes.len());
+            Effort { paired, taps, written: writes, ..effort }
         }
-        // Running sums: about two additions per axis.
-        Kernel::Box(mean) => Effort { mapped: 4.0 * mean.channels.len() as f64, ..base },
-        Kernel::Resample(_) => Effort { mapped: 6.0, ..base },
-        Kernel::Transpose(_) | Kernel::Given(_) => base,
+        Kernel::Box(_) => Effort { averaged: writes, ..effort },
+        Kernel::Resample(_) => Effort { resampled: writes, ..effort },
+        Kernel::Transpose(_) | Kernel::Given(_) => Effort { written: writes, ..effort },
     }
 }
 

@@ -60,7 +60,8 @@ impl Total {
         }
     }
 
-    pub(super) fn of(self, values: impl Iterator<Item = f64> + Clone) -> f64 {
+    /// What values come to. A geometric mean holds none below a tiny one against the others.
+    pub fn of(self, values: impl Iterator<Item = f64> + Clone) -> f64 {
         match self {
             Self::Sum => values.sum(),
             Self::GeometricMean => {

@@ -12,16 +12,18 @@ use crate::backend::{Backend, Differentiator, Interpreter};
 use crate::cli::backend::Processor;
 use crate::cli::error::Error;
 use crate::cli::log::Log;
+use crate::cli::measure::Measuring;
 use crate::cli::recall::Recall;
 use crate::cli::{interrupt, resolve, scenes};
 use crate::evolve::programs::{
     Checkpoint, Event, Finalist, Judge, Outcome, Row, SEED, Search, Settings, history, seed,
 };
 use crate::filter::{Filter, stages};
-use crate::image::write_atomically;
+use crate::image::{Metrics, write_atomically};
+use crate::plan::Passes;
 use crate::report::chart::{Chart, Point, Series};
-use crate::report::{Align, Format, Table, number};
-use crate::scene::Needs;
+use crate::report::{Align, Format, ScoreTable, Table, Total, number};
+use crate::scene::{LoadOptions, Needs};
 use crate::tune::{Checkpoints, Control, TuningScene};
 
 /// The folder of the programs of which none is better by all goals.
@@ -33,6 +35,9 @@ const CHART: &str = "front.svg";
 /// What programs are bred on, and tried on, unless told.
 const DEFAULT_SCENES: [&str; 2] = ["data/corpus/train", "data/train"];
 const DEFAULT_VALIDATION: &str = "data/corpus/validate";
+
+/// What a bred program is compared with at the end, beside what it began with.
+const RIVALS: [&str; 3] = ["cross-bilateral", "kan2017", "tamis"];
 
 /// Rows of the table that shows the run's course.
 const COURSE: usize = 12;
@@ -118,7 +123,55 @@ fn run_on(
     let progress = Progress::new(log, settings.generations, time_limit);
     let outcome = search.run(&control, &|event| progress.hear(event))?;
     progress.finish();
-    report(&command.out, &settings, &outcome, log)
+    let begun = initial_of(search.checkpoint());
+    let judged_by = if validation.is_empty() { &training } else { &validation };
+    let scores = scores(&outcome, begun, judged_by, backend)?;
+    report(&command.out, &settings, &outcome, &scores, log)
+}
+
+fn initial_of(checkpoint: Checkpoint) -> Filter {
+    let initial = checkpoint.initial().clone();
+    Filter { name: format!("{}, as it was", initial.name), ..initial }
+}
+
+/// The bred program and its rivals, on the scenes that nothing was bred on if there are any.
+fn scores(
+    outcome: &Outcome,
+    begun: Filter,
+    scenes: &[PathBuf],
+    backend: &impl Backend,
+) -> Result<ScoreTable, Error> {
+    let best = outcome.best.judged.genome.filter().clone();
+    let mut filters = vec![Filter { name: "best".to_owned(), ..best }, begun];
+    for name in RIVALS {
+        filters.push(resolve::resolve(name, None)?);
+    }
+    let measuring = Measuring { backend, passes: Passes::ALL, options: LoadOptions::default() };
+    // What there is to say of the scenes was said when the search loaded them.
+    measuring.table(&scenes::find(scenes)?, &filters, Total::GeometricMean, Log::new(true))
+}
+
+/// Filters with their errors, as means over the scenes.
+fn rivals(scores: &ScoreTable) -> Table {
+    let mut table = Table::new([
+        ("filter", Align::Left),
+        ("RelMSE", Align::Right),
+        ("without the worst 0.1%", Align::Right),
+    ]);
+    let mut row = |name: &str, metrics: Vec<&Metrics>| {
+        let mean = |figure: fn(&Metrics) -> f64| {
+            number::error(Total::GeometricMean.of(metrics.iter().map(|metrics| figure(metrics))))
+        };
+        table.row([name.to_owned(), mean(|m| m.rel_mse), mean(|m| m.trimmed_rel_mse)]);
+    };
+    row("none: as rendered", scores.scenes.iter().map(|score| &score.noisy).collect());
+    for (k, name) in scores.filters.iter().enumerate() {
+        let measured = scores.scenes.iter().map(|score| score.filters[k].as_ref());
+        if let Ok(measured) = measured.collect::<Result<Vec<_>, _>>() {
+            row(name, measured.into_iter().map(|measured| &measured.metrics).collect());
+        }
+    }
+    table
 }
 
 /// The filter to begin with.
@@ -166,7 +219,13 @@ fn load(
 }
 
 /// Writes what was found, and says it.
-fn report(out: &Path, settings: &Settings, outcome: &Outcome, log: Log) -> Result<String, Error> {
+fn report(
+    out: &Path,
+    settings: &Settings,
+    outcome: &Outcome,
+    scores: &ScoreTable,
+    log: Log,
+) -> Result<String, Error> {
     let named = |finalist: &Finalist, name: &str| {
         let filter = Filter { name: name.to_owned(), ..finalist.judged.genome.filter().clone() };
         filter.to_toml(training(settings, outcome, finalist))
@@ -174,7 +233,7 @@ fn report(out: &Path, settings: &Settings, outcome: &Outcome, log: Log) -> Resul
     let mut files = vec![
         (out.join(BEST), named(&outcome.best, "best")),
         (out.join(HISTORY), history::csv(&outcome.history)),
-        (out.join(SUMMARY), summary(settings, outcome)),
+        (out.join(SUMMARY), summary(settings, outcome, scores)),
         (out.join(CHART), chart(outcome)),
     ];
     let folder = out.join(FRONT);
@@ -195,9 +254,10 @@ fn report(out: &Path, settings: &Settings, outcome: &Outcome, log: Log) -> Resul
     log.say(format_args!("wrote {} and {}", names.join(", "), folder.display()));
     let best = &outcome.best;
     Ok(format!(
-        "{}\n{}\nsearch {}: {} programs judged, {} given up\n",
+        "{}\n{}\n{}\nsearch {}: {} programs judged, {} given up\n",
         stages(&best.judged.genome.filter().check().expect("genomes make sense")),
         front(outcome, Format::Plain),
+        rivals(scores).render(Format::Plain),
         record::ending(outcome.ending),
         outcome.judged,
         outcome.dropped,
@@ -261,7 +321,7 @@ fn front(outcome: &Outcome, format: Format) -> String {
 }
 
 /// The summary of a run, for people: one Markdown page.
-fn summary(settings: &Settings, outcome: &Outcome) -> String {
+fn summary(settings: &Settings, outcome: &Outcome, scores: &ScoreTable) -> String {
     let best = &outcome.best;
     let filter = best.judged.genome.filter();
     let checked = filter.check().expect("genomes make sense");
@@ -281,6 +341,9 @@ fn summary(settings: &Settings, outcome: &Outcome) -> String {
              once, the fastest first, and the result. RelMSE is of the validation scenes.\n\n";
     page += &front(outcome, Format::Markdown);
     page += &format!("\n![Predicted time against score]({CHART})\n");
+    page += "\n## Beside other filters\n\nGeometric means over the scenes that nothing was bred on \
+             (the training scenes, if there are none).\n\n";
+    page += &rivals(scores).render(Format::Markdown);
     page += "\n## Course\n\n";
     page += &course(&outcome.history);
     page += "\n## Parameters\n\n";
