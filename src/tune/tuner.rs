@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use super::checkpoint::{Best, Checkpoint, Row, State};
-use super::control::{Control, Ending, Watch};
+use super::control::{Control, Ending, Keeper, Watch};
 use super::draw::{Draw, LACKS, Lack};
 use super::error::Error;
 use super::loss::{PARTS, parts};
@@ -21,7 +21,7 @@ use crate::expr::{Feature, PlaneId, Quantity};
 use crate::filter::Filter;
 use crate::image::{Image, Metrics};
 use crate::plan::{Gradient, Passes, Plan, PlanError};
-use crate::scene::{Fact, Facts, MOST_SAMPLES, Note, Scene};
+use crate::scene::{Fact, Facts, Fingerprint, MOST_SAMPLES, Note, Scene};
 
 /// How much of what a part of the loss is for an image by now comes from the last time that
 /// some of it was drawn.
@@ -39,6 +39,9 @@ pub enum Event<'a> {
     },
     /// A row was added to the history.
     Row(&'a Row),
+    /// A checkpoint could not be written, and no earlier one failed for the same cause. The
+    /// run goes on.
+    Unwritten(&'a Error),
 }
 
 /// How a filter does on whole validation scenes.
@@ -84,6 +87,8 @@ pub struct Tuner<'a, B> {
     backend: &'a B,
     scales: Scales,
     codes: Vec<Code>,
+    /// Those of the scenes: it takes a while to find them.
+    pictures: Vec<Fingerprint>,
     state: State,
 }
 
@@ -123,7 +128,8 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
             drawn: 0,
             history: Vec::new(),
         };
-        Ok(Self { filter, settings, training, validation, backend, scales, codes, state })
+        let pictures = pictures(training, validation);
+        Ok(Self { filter, settings, training, validation, backend, scales, codes, pictures, state })
     }
 
     /// Goes on with a run, which must have been begun with the same filter and scenes.
@@ -137,7 +143,7 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
         validation: &'a [TuningScene],
         backend: &'a B,
     ) -> Result<Self, Error> {
-        let Checkpoint { filter: begun, scenes, settings, state, .. } = checkpoint;
+        let Checkpoint { filter: begun, scenes, pictures, settings, state } = checkpoint;
         let fresh = Self::new(filter, settings, training, validation, backend)?;
         let expected = fresh.state.norms.iter().map(Vec::len);
         let fits = state.position.at.len() == fresh.state.position.at.len()
@@ -148,13 +154,21 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
         if fresh.scene_names() != scenes || !fits {
             return Err(Error::Other { what: "set of scenes" });
         }
+        if let Some(picture) = Fingerprint::first_changed(&pictures, &fresh.pictures) {
+            return Err(Error::Picture { picture: picture.to_owned() });
+        }
         Ok(Self { state, ..fresh })
     }
 
     /// What there is to go on from.
     pub fn checkpoint(&self) -> Checkpoint {
-        let (filter, scenes) = (self.written_filter(), self.scene_names());
-        Checkpoint::new(filter, scenes, self.settings.clone(), self.state.clone())
+        Checkpoint {
+            filter: self.written_filter(),
+            scenes: self.scene_names(),
+            pictures: self.pictures.clone(),
+            settings: self.settings.clone(),
+            state: self.state.clone(),
+        }
     }
 
     fn written_filter(&self) -> String {
@@ -184,14 +198,18 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
 
     /// Runs to the end, however that comes, and says what happens.
     ///
+    /// A checkpoint that cannot be written is told ([`Event::Unwritten`]) and no reason to
+    /// stop.
+    ///
     /// # Errors
-    /// If the back end fails, or a checkpoint cannot be written.
+    /// If the back end fails.
     pub fn run(
         &mut self,
         control: &Control,
         hear: &mut dyn FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
         let watch = Watch::start(control);
+        let mut keeper = Keeper::new(control);
         let steps = self.settings.steps;
         if self.state.history.is_empty() {
             self.row(hear)?;
@@ -212,16 +230,11 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
                     break;
                 }
             }
-            if let Some(checkpoints) = &control.checkpoints
-                && checkpoints.interval > 0
-                && step.is_multiple_of(checkpoints.interval)
-            {
-                self.checkpoint().write(&checkpoints.path)?;
+            if keeper.is_due(step) && step < steps {
+                self.save(&mut keeper, hear);
             }
         }
-        if let Some(checkpoints) = &control.checkpoints {
-            self.checkpoint().write(&checkpoints.path)?;
-        }
+        self.save(&mut keeper, hear);
         let (values, step) = match &self.state.best {
             Some(best) => (self.scales.values(&best.values), best.step),
             None => (self.scales.values(&self.state.position.average), self.state.next),
@@ -229,6 +242,13 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
         let mut filter = self.filter.clone();
         filter.constants.set_values(&values);
         Ok(Outcome { filter, step, history: self.state.history.clone(), ending })
+    }
+
+    /// Writes the checkpoint that is asked for, if one is.
+    fn save(&self, keeper: &mut Keeper<'_>, hear: &mut dyn FnMut(Event<'_>)) {
+        if let Some(error) = keeper.keep(|path| self.checkpoint().write(path)) {
+            hear(Event::Unwritten(&error));
+        }
     }
 
     /// One step of the optimizer.
@@ -356,6 +376,21 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
         hear(Event::Row(state.history.last().expect("it was pushed")));
         Ok(())
     }
+}
+
+/// The pictures of scenes, as errors call them.
+fn pictures(training: &[TuningScene], validation: &[TuningScene]) -> Vec<Fingerprint> {
+    let scenes: Vec<&TuningScene> = training.iter().chain(validation).collect();
+    let of = |scene: &TuningScene| {
+        let name = &scene.name;
+        let noisy = scene.levels.iter().map(|level| {
+            let samples = level.samples.map_or(String::new(), |n| format!(" at {n} samples"));
+            Fingerprint::of_scene(format!("the noisy image of `{name}`{samples}"), &level.scene)
+        });
+        let clean = Fingerprint::of_image(format!("the reference of `{name}`"), &scene.image);
+        noisy.chain([clean]).collect::<Vec<Fingerprint>>()
+    };
+    scenes.par_iter().flat_map_iter(|scene| of(scene)).collect()
 }
 
 /// How a filter does on whole scenes, at all of their sample counts: with all features, and

@@ -1,11 +1,15 @@
 //! `tamis evolve`: the search, from scenes to a filter file.
 
+mod pace;
 mod page;
 mod parameters;
 mod progress;
+mod provisional;
 mod record;
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::builder::PossibleValue;
@@ -16,21 +20,23 @@ use super::error::Error;
 use super::log::Log;
 use super::measure::Measuring;
 use super::recall::Recall;
-use super::{interrupt, resolve, scenes};
-use crate::backend::Backend;
+use super::{Report, interrupt, resolve, scenes};
+use crate::backend::{Backend, BackendError, PAIRS, Stoppable};
 use crate::evolve::{
-    self, Checkpoint, Checkpoints, Control, Coverage, Fitness, ImageFitness, Outcome, Preset,
-    Restriction, Search, Settings, TrainingScene, history,
+    self, Checkpoint, Checkpoints, Control, Coverage, Event, Fitness, ImageFitness, Outcome,
+    Preset, Restriction, Search, Settings, TrainingScene, history,
 };
 use crate::expr::{Feature, PlaneId, Tree, codebook};
 use crate::filter::{Filter, Gather, Window};
-use crate::image::write_atomically;
+use crate::image::{Lock, check_folder, write_atomically};
 use crate::plan::{Passes, Precision};
-use crate::report::{Format, ScoreTable, Total, number};
+use crate::report::{ScoreTable, Total, number};
 use crate::scene::{Fact, Facts, LoadOptions, Needs, RawScene, Scene, SceneFiles, load_reference};
 use crate::stress::{Engine, Ground, SEED, Screen, certify};
+use crate::tune::SealedError;
 use parameters::Parameters;
 use progress::Progress;
+use provisional::Provisional;
 use record::Origin;
 
 /// What a bred filter is compared with at the end.
@@ -41,6 +47,7 @@ const HISTORY: &str = "history.csv";
 const SUMMARY: &str = "summary.md";
 const CHECKPOINT: &str = "checkpoint.json";
 const SCENES: &str = "scenes.json";
+const LOCK: &str = "search.lock";
 
 /// What a search breeds on, unless told.
 const DEFAULT_SCENES: &str = "data/train";
@@ -54,8 +61,9 @@ Examples:
 
 Writes best.toml (the filter and where it comes from), summary.md, history.csv
 and checkpoint.json into the output folder, but not over those of an older search,
-unless with --overwrite. Ctrl-C ends the search with the best so far written; --resume
-goes on from there, on the same scenes. The same seed finds the same filter with any number of threads.
+unless with --overwrite. With every checkpoint best.toml is the best so far. Ctrl-C ends the
+search at once with that; --resume goes on from there, on the same scenes. The same seed finds
+the same filter with any number of threads. One search at a time writes into a folder.
 
 Values in brackets are the presets' own.";
 
@@ -96,7 +104,7 @@ pub(super) struct Evolve {
     #[arg(long, value_name = "SECONDS")]
     max_time: Option<u32>,
 
-    /// Generations between checkpoints; 0 for one at the end only
+    /// Generations between checkpoints, from the initial one on; 0 for one at the end only
     #[arg(long, value_name = "N", default_value_t = 5)]
     checkpoint_every: u32,
 
@@ -121,35 +129,36 @@ impl ValueEnum for Preset {
 }
 
 impl Evolve {
-    pub(super) fn run(&self, log: Log) -> Result<String, Error> {
-        self.spare_older_runs()?;
-        let checkpoint = self.checkpoint()?;
-        let mut settings = match &checkpoint {
-            Some(checkpoint) => checkpoint.settings().clone(),
-            None => self.preset.unwrap_or(Preset::Quick).settings(),
-        };
-        self.parameters.apply(&mut settings);
-        settings.validate()?;
+    pub(super) fn run(&self, log: Log) -> Result<Report, Error> {
+        self.check_parameters()?;
         let backend = self.backend.open(self.lanes.lanes)?;
+        let _lock = self.claim()?;
+        self.spare_older_runs()?;
+        let checkpoint = match self.resume {
+            true => Some(Checkpoint::read(&self.out.join(CHECKPOINT))?),
+            false => None,
+        };
+        let mut settings = self.settings(checkpoint.as_ref())?;
         let arguments = self.scenes()?;
         let files = scenes::find(&arguments)?;
         let training = load(&files, &settings, log)?;
-        self.make_folder()?;
         if checkpoint.is_none() {
             forbid_absent(&mut settings, &training, log);
             if !self.parameters.gives("initial") {
                 begin_with_what_is_there(&mut settings, log);
             }
         }
+        let stop = Arc::new(AtomicBool::new(false));
+        let backend = Stoppable::new(&*backend, Arc::clone(&stop), pairs(self.backend));
         let window = Window::dense(settings.radius);
         let coverage = Coverage::of(&settings);
-        let fitness = ImageFitness::new(training, window, coverage, &*backend)
+        let fitness = ImageFitness::new(training, window, coverage, &backend)
             .together(settings.together)
             .minimizing(settings.error)
             .breeding_at(settings.precision)
             .racing(&settings.racing, settings.seed);
         let fitness = match self.require_stable {
-            true => fitness.restricted(stable_only(&files, window, &*backend)?),
+            true => fitness.restricted(stable_only(&files, window, &backend, &stop)?),
             false => fitness,
         };
         let mut search = match checkpoint {
@@ -157,7 +166,22 @@ impl Evolve {
             None => Search::new(settings.clone(), &fitness)?,
         };
         Recall::of(&arguments, &[]).write(&self.out.join(SCENES))?;
-        let outcome = self.search(&mut search, &settings, log)?;
+        let mut origin = Origin {
+            settings: &settings,
+            backend: backend.name(),
+            require_stable: self.require_stable,
+            scenes: files.len(),
+            scores: None,
+        };
+        let (outcome, kept) = match self.search(&mut search, &origin, &stop, log) {
+            Ok(found) => found,
+            Err(error) => {
+                // What was found before is not lost.
+                let Some(best) = search.best() else { return Err(error) };
+                log.error(&error);
+                return Ok(Report { bytes: format!("{}\n", best.tree).into_bytes(), good: false });
+            }
+        };
         let best = outcome.best();
         if let Some(difference) = best.difference.filter(|&d| d > fitness.tolerance()) {
             log.warn(format_args!(
@@ -170,7 +194,68 @@ impl Evolve {
         if let Some(objection) = &best.objection {
             log.warn(format_args!("warning: no finalist is stable; of the result: {objection}"));
         }
-        self.report(&settings, &outcome, &*backend, &files, log)
+        let filter = Filter::single("best", best.tree.clone(), settings.radius);
+        let mut good = true;
+        let scores = match stop.load(Ordering::Relaxed) {
+            true => None,
+            false => match scores(&filter, &settings, &backend, &files) {
+                // Somebody asked to stop while it was made.
+                Ok(_) if stop.load(Ordering::Relaxed) => None,
+                Ok(scores) => Some(scores),
+                Err(error) => {
+                    log.error(&error);
+                    good = false;
+                    None
+                }
+            },
+        };
+        origin.scores = scores.as_ref();
+        good &= self.write(&origin, &outcome, &filter, kept, log);
+        let bytes = record::report(&origin, &outcome, &self.out).into_bytes();
+        Ok(Report { bytes, good })
+    }
+
+    /// Refuses parameters that make no sense before anything is read or written.
+    fn check_parameters(&self) -> Result<(), Error> {
+        let fixed = self.parameters.fixed();
+        if !self.resume {
+            self.settings(None)?;
+        } else if !fixed.is_empty() {
+            return Err(Error::Usage(format!(
+                "--resume goes on with the parameters that the search was started with; leave \
+                 {} out, or start a new search without --resume",
+                fixed.join(", ")
+            )));
+        }
+        Ok(())
+    }
+
+    /// What a search is told, or one that goes on.
+    fn settings(&self, checkpoint: Option<&Checkpoint>) -> Result<Settings, Error> {
+        let mut settings = match checkpoint {
+            Some(checkpoint) => checkpoint.settings().clone(),
+            None => self.preset.unwrap_or(Preset::Quick).settings(),
+        };
+        self.parameters.apply(&mut settings);
+        settings.validate()?;
+        Ok(settings)
+    }
+
+    /// Makes the output folder, checks that it can be written, and keeps others out of it.
+    fn claim(&self) -> Result<Lock, Error> {
+        let path = || self.out.display().to_string();
+        let checkpoint = self.out.join(CHECKPOINT);
+        if !self.resume {
+            let made = std::fs::create_dir_all(&self.out);
+            made.map_err(|source| Error::Folder { path: path(), option: "--out", source })?;
+        } else if let Err(source) = std::fs::metadata(&checkpoint) {
+            // Where there is no run, none is to be locked.
+            let error = SealedError::Read { path: checkpoint, source };
+            return Err(evolve::Error::from(error).into());
+        }
+        check_folder(&self.out).map_err(|source| Error::Unwritable { option: "--out", source })?;
+        let lock = Lock::take(&self.out.join(LOCK));
+        lock.map_err(|source| Error::Locked { option: "--out", source })
     }
 
     /// Checks that nothing of an older search would be replaced by accident.
@@ -199,102 +284,98 @@ impl Evolve {
         })
     }
 
-    /// The checkpoint to go on from, if that is what is asked for.
-    fn checkpoint(&self) -> Result<Option<Checkpoint>, Error> {
-        if !self.resume {
-            return Ok(None);
-        }
-        let fixed = self.parameters.fixed();
-        if !fixed.is_empty() {
-            return Err(Error::Usage(format!(
-                "--resume goes on with the parameters that the search was started with; leave \
-                 {} out, or start a new search without --resume",
-                fixed.join(", ")
-            )));
-        }
-        Ok(Some(Checkpoint::read(&self.out.join(CHECKPOINT))?))
-    }
-
-    fn make_folder(&self) -> Result<(), Error> {
-        std::fs::create_dir_all(&self.out).map_err(|source| Error::Folder {
-            path: self.out.display().to_string(),
-            option: "--out",
-            source,
-        })
-    }
-
-    /// Runs the search to its end, however that comes.
+    /// Runs the search to its end, however that comes. Also says whether it can be resumed.
     fn search<F: Fitness>(
         &self,
         search: &mut Search<'_, F>,
-        settings: &Settings,
+        origin: &Origin<'_>,
+        stop: &Arc<AtomicBool>,
         log: Log,
-    ) -> Result<Outcome, Error> {
-        let stop = interrupt::flag(log, "stopping: judging the best so far");
+    ) -> Result<(Outcome, bool), Error> {
+        interrupt::raise(stop, log, "stopping: the result is the best so far");
         let time_limit = self.max_time.map(|seconds| Duration::from_secs(seconds.into()));
         let control = Control {
-            stop,
+            stop: Arc::clone(stop),
             time_limit,
             checkpoints: Some(Checkpoints {
                 path: self.out.join(CHECKPOINT),
                 interval: self.checkpoint_every,
             }),
         };
-        let mut progress = Progress::new(log, settings.generations, time_limit);
-        let outcome = search.run(&control, &mut |event| progress.hear(event));
+        let mut progress = Progress::new(log, origin.settings.generations, time_limit);
+        let mut provisional = Provisional::new(origin, self.out.join(BEST));
+        let mut kept = false;
+        let outcome = search.run(&control, &mut |event| {
+            if let Event::Checkpoint { written, failure, .. } = event {
+                kept = written;
+                if let Some(failure) = failure {
+                    progress.warn(format_args!(
+                        "warning: {failure}; the search goes on, but cannot be resumed unless a \
+                         later checkpoint can be written"
+                    ));
+                }
+            }
+            if let Some(failure) = provisional.hear(event) {
+                progress.warn(format_args!(
+                    "warning: {failure}; the search goes on without writing its best so far"
+                ));
+            }
+            progress.hear(event);
+        });
         progress.finish();
-        outcome.map_err(|error| match error {
+        let outcome = outcome.map_err(|error| match error {
             evolve::Error::Fitness { source, checkpoint: Some(checkpoint) } => {
                 Error::Interrupted { source, checkpoint }
             }
             other => other.into(),
-        })
+        });
+        Ok((outcome?, kept))
     }
 
-    /// Measures and writes what was found.
-    fn report(
+    /// Writes what was found, as far as that can be done; returns whether all of it was.
+    fn write(
         &self,
-        settings: &Settings,
+        origin: &Origin<'_>,
         outcome: &Outcome,
-        backend: &dyn Backend,
-        files: &[SceneFiles],
+        filter: &Filter,
+        kept: bool,
         log: Log,
-    ) -> Result<String, Error> {
-        let best = Filter::single("best", outcome.best().tree.clone(), settings.radius);
-        let scores = scores(&best, settings, backend, files)?;
-        for failure in scores.failures() {
-            log.say(failure);
+    ) -> bool {
+        if let Some(scores) = origin.scores {
+            scores.failures().into_iter().for_each(|failure| log.say(failure));
         }
-        let origin = Origin {
-            settings,
-            backend: backend.name(),
-            require_stable: self.require_stable,
-            scores: &scores,
-        };
-        let path = |name: &str| self.out.join(name);
-        for (name, text) in [
-            (BEST, best.to_toml(record::training(&origin, outcome))),
+        let mut there: Vec<PathBuf> = Vec::new();
+        let files = [
+            (BEST, filter.to_toml(record::training(origin, outcome))),
+            (SUMMARY, page::summary(origin, outcome)),
             (HISTORY, history::csv(&outcome.history)),
-            (SUMMARY, page::summary(&origin, outcome)),
-        ] {
-            write_atomically(&path(name), text.as_bytes())?;
+        ];
+        let all = files.len();
+        for (name, text) in files {
+            let path = self.out.join(name);
+            match write_atomically(&path, text.as_bytes()) {
+                Ok(()) => there.push(path),
+                Err(error) => log.error(&error.into()),
+            }
         }
-        log.say(format_args!(
-            "wrote {}",
-            [BEST, SUMMARY, HISTORY, CHECKPOINT]
-                .map(|name| path(name).display().to_string())
-                .join(", ")
-        ));
-        Ok(format!(
-            "{}\n\ntraining error {} (sum of {} over {}), search {}\n{}\n\n{}",
-            outcome.best().tree,
-            number::error(outcome.best().full),
-            settings.error.title(),
-            number::plural(files.len(), "scene"),
-            record::ending(outcome.ending),
-            record::effort(outcome),
-            scores.render(Format::Plain),
-        ))
+        let good = there.len() == all;
+        if kept {
+            there.push(self.out.join(CHECKPOINT));
+        }
+        let names: Vec<String> = there.iter().map(|path| path.display().to_string()).collect();
+        if !names.is_empty() {
+            log.say(format_args!("wrote {}", names.join(", ")));
+        }
+        good
+    }
+}
+
+/// How much a back end is given at once: half a second's work on one thread, about.
+fn pairs(processor: Processor) -> usize {
+    match processor {
+        Processor::Jit => PAIRS,
+        // Sixteen times as slow, about.
+        Processor::Interp => PAIRS / 16,
     }
 }
 
@@ -317,6 +398,7 @@ fn stable_only<'a>(
     files: &[SceneFiles],
     window: Window,
     backend: &'a dyn Backend,
+    stop: &Arc<AtomicBool>,
 ) -> Result<Restriction<'a>, Error> {
     let read = |scene: &SceneFiles| {
         let raw = RawScene::read(&scene.noisy, &Needs::everything(), &LoadOptions::default())?;
@@ -324,6 +406,7 @@ fn stable_only<'a>(
     };
     let grounds = files.iter().map(read).collect::<Result<Vec<Ground>, Error>>()?;
     let screen = Screen::new(&grounds, window, backend, SEED)?;
+    let stop = Arc::clone(stop);
     let objection = move |tree: &Tree| {
         let filter = Filter::of_gather("finalist", Gather::of_color(tree.clone(), window));
         let checked = filter.check().expect("searches breed weights");
@@ -333,6 +416,10 @@ fn stable_only<'a>(
             precision: Precision::Standard,
         };
         let certificate = certify(&checked, &grounds, &[engine], SEED)?;
+        // A back end that was stopped may count as one that failed.
+        if stop.load(Ordering::Relaxed) {
+            return Err(BackendError::Stopped.into());
+        }
         Ok(certificate.objection().map(str::to_owned))
     };
     Ok(Restriction {

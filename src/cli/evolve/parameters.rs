@@ -92,6 +92,8 @@ const PARAMETERS: &[Parameter] = parameters! {
         "Expressions judged at once; no result depends on it";
     "together" "N" together:
         "Expressions compiled into one program, which computes once what they share; no result depends on it";
+    "remembered" "NODES" remembered:
+        "Most nodes of the expressions whose fitness is remembered; those that were not bred for longest are forgotten first";
     "racing" "on|off" racing.on:
         "Whether expressions that cannot win are given up early (not in the paper)";
     "rungs" "SHARE,..." racing.rungs:
