@@ -294,7 +294,7 @@ fn racing(options: &Options, extent: &Extent) {
         let (thorough, slow) = breed(&settings, &mut |_, _| {});
         settings.racing = racing.clone();
         let (raced, fast) = breed(&settings, &mut |_, _| {});
-        let [thorough_error, raced_error] = [&thorough, &raced].map(|o| o.best().full);
+        let [thorough_error, raced_error] = [&thorough, &raced].map(full);
         ratios.push((raced_error / thorough_error).ln());
         shares.push(raced.work.done as f64 / thorough.work.done as f64);
         times.push(fast / slow);
@@ -357,8 +357,13 @@ fn generation(options: &Options, extent: &Extent) {
          error {:.4}",
         total - last,
         (total + each * (f64::from(whole) - (ends.len() - 1) as f64)) / 60.0,
-        outcome.best().full
+        full(&outcome)
     );
+}
+
+/// The error of a search's result on all pixels.
+fn full(outcome: &Outcome) -> f64 {
+    outcome.best().full.expect("nobody stops it")
 }
 
 /// What the command line gives beside the measurement's name.

@@ -8,7 +8,7 @@ use crate::denoise::DenoiseError;
 use crate::evolve;
 use crate::export::ExportError;
 use crate::filter::{FilterFileError, ResizeError};
-use crate::image::ImageError;
+use crate::image::{ImageError, LockError};
 use crate::scene::SceneError;
 use crate::tune;
 
@@ -182,6 +182,22 @@ pub(super) enum Error {
         /// Why.
         source: io::Error,
     },
+    /// Nothing can be written into the folder for results.
+    #[error("{source}; choose another folder with {option}")]
+    Unwritable {
+        /// The option that names it.
+        option: &'static str,
+        /// Why not.
+        source: ImageError,
+    },
+    /// Another run writes where this one is to.
+    #[error("{source} ({option})")]
+    Locked {
+        /// The option that names the place.
+        option: &'static str,
+        /// Who.
+        source: LockError,
+    },
     /// Signals cannot be caught.
     #[error("cannot listen for signals such as Ctrl-C: {0}")]
     Signal(io::Error),
@@ -255,6 +271,8 @@ impl Error {
             | Self::NoProgram { .. }
             | Self::Program { .. }
             | Self::Folder { .. }
+            | Self::Unwritable { .. }
+            | Self::Locked { .. }
             | Self::Signal(_)
             | Self::Threads { .. }
             | Self::Stdout(_) => 1,

@@ -17,12 +17,11 @@ struct First {
     raised: Arc<AtomicBool>,
 }
 
-/// A flag that Ctrl-C raises, saying `what` happens then. The second time it ends the program.
-pub(super) fn flag(log: Log, what: &'static str) -> Arc<AtomicBool> {
-    let raised = Arc::new(AtomicBool::new(false));
-    let first = First { log, what, raised: Arc::clone(&raised) };
+/// From now on Ctrl-C raises a flag, saying `what` happens then. The second time it ends the
+/// program.
+pub(super) fn raise(flag: &Arc<AtomicBool>, log: Log, what: &'static str) {
+    let first = First { log, what, raised: Arc::clone(flag) };
     *FIRST.lock().unwrap_or_else(PoisonError::into_inner) = Some(first);
-    raised
 }
 
 /// Whether the program is to end.

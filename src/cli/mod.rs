@@ -134,7 +134,7 @@ impl Command {
     fn run(&self, log: Log, started: Instant) -> Result<Report, Error> {
         let text = match self {
             Self::Denoise(command) => command.run(log, started),
-            Self::Evolve(command) => command.run(log),
+            Self::Evolve(command) => return command.run(log),
             Self::Tune(command) => command.run(log),
             Self::Compare(command) => command.run(),
             Self::Score(command) => command.run(log),
@@ -171,8 +171,14 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// More threads than any computer has cores for would only take its memory.
+const MOST_THREADS: usize = 1024;
+
 fn set_threads(threads: Option<NonZeroUsize>) -> Result<(), Error> {
     let Some(threads) = threads else { return Ok(()) };
+    if threads.get() > MOST_THREADS {
+        return Err(Error::Usage(format!("--threads {threads}: at most {MOST_THREADS}")));
+    }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
     pool.build_global().map_err(|source| Error::Threads { threads, source })
 }

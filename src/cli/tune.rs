@@ -1,6 +1,8 @@
 //! `tamis tune`: the constants of a program, from scenes to a filter file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
@@ -13,7 +15,7 @@ use super::recall::Recall;
 use super::{interrupt, resolve, scenes};
 use crate::backend::{Backend, Differentiator, Interpreter};
 use crate::filter::Filter;
-use crate::image::write_atomically;
+use crate::image::{Lock, check_folder, write_atomically};
 use crate::report::chart::{Chart, Point, Series};
 use crate::report::{Align, Format, Table, number};
 use crate::tune::{
@@ -220,6 +222,7 @@ impl Tune {
                 given.join(", ")
             )));
         }
+        let _lock = self.claim()?;
         let checkpoint = self.beside("json");
         if checkpoint.exists() && !self.resume && !self.overwrite {
             let run = checkpoint.display().to_string();
@@ -284,6 +287,17 @@ impl Tune {
         ))
     }
 
+    /// Checks that the output's folder can be written, and keeps others away from it.
+    fn claim(&self) -> Result<Lock, Error> {
+        let option = "--output";
+        let folder = match self.output.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            Some(_) | None => Path::new("."),
+        };
+        check_folder(folder).map_err(|source| Error::Unwritable { option, source })?;
+        Lock::take(&self.beside("lock")).map_err(|source| Error::Locked { option, source })
+    }
+
     /// The scenes to tune on and to judge by, as arguments; those of a run that goes on are
     /// remembered.
     fn scenes(&self) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Error> {
@@ -310,8 +324,10 @@ impl Tune {
         tuner: &mut Tuner<'_, B>,
         log: Log,
     ) -> Result<Outcome, Error> {
+        let stop = Arc::new(AtomicBool::new(false));
+        interrupt::raise(&stop, log, "stopping after this step");
         let control = Control {
-            stop: interrupt::flag(log, "stopping after this step"),
+            stop,
             time_limit: self.max_time.map(|seconds| Duration::from_secs(seconds.into())),
             checkpoints: Some(Checkpoints {
                 path: self.beside("json"),
@@ -359,6 +375,18 @@ impl Progress {
 
     fn hear(&mut self, event: Event<'_>) {
         match event {
+            Event::Unwritten(error) => {
+                let warn = || {
+                    self.log.warn(format_args!(
+                        "warning: {error}; the run goes on, but cannot be resumed unless a later \
+                         checkpoint can be written"
+                    ));
+                };
+                match &self.bar {
+                    Some(bar) => bar.suspend(warn),
+                    None => warn(),
+                }
+            }
             Event::Step { step, of } => {
                 let first = *self.first.get_or_insert(step - 1);
                 let done = f64::from(step - first);

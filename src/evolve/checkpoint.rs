@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize, de};
+use serde::{Deserialize, Serialize, de::Error as _};
 
 use super::error::Error;
 use super::hall::HallOfFame;
@@ -11,36 +11,23 @@ use super::islands::{Population, best};
 use super::memo::Memo;
 use super::race::Work;
 use super::settings::Settings;
-use crate::image::write_atomically;
+use crate::scene::Fingerprint;
+use crate::tune::{SealedError, read_sealed, write_sealed};
 
 /// The layout of the file; raised with every change to it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Format {
-    #[serde(rename = "tamis-search-3")]
-    V3,
-}
-
-impl Format {
-    /// What the file's first member says in every version.
-    const NAME: &str = "tamis-search-3";
-}
+const FORMAT: &str = "tamis-search-4";
 
 /// Everything that a search knows between two generations, and all that it has
 /// judged. Random numbers need no state: their streams are named.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Checkpoint {
-    format: Format,
     /// What the fitness called itself.
     pub(super) identity: String,
+    /// What it judged by.
+    pub(super) pictures: Vec<Fingerprint>,
     pub(super) settings: Settings,
     pub(super) state: State,
-}
-
-/// The one member that every version of the file has.
-#[derive(Deserialize)]
-struct Label {
-    format: String,
 }
 
 /// How far a search has come.
@@ -75,37 +62,30 @@ impl State {
 }
 
 impl Checkpoint {
-    pub(super) fn new(identity: String, settings: Settings, state: State) -> Self {
-        Self { format: Format::V3, identity, settings, state }
-    }
-
     /// Reads a checkpoint.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is none, or is damaged.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let contents =
-            std::fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
-        serde_json::from_slice(&contents).and_then(Self::checked).map_err(|source| {
-            let path = path.to_owned();
-            match serde_json::from_slice(&contents) {
-                Ok(Label { format }) if format != Format::NAME => {
-                    Error::Format { path, found: format, read: Format::NAME }
-                }
-                Ok(_) | Err(_) => Error::Checkpoint { path, source },
-            }
-        })
+        let checkpoint: Self = read_sealed(path, FORMAT)?;
+        if checkpoint.is_whole() {
+            return Ok(checkpoint);
+        }
+        let source = serde_json::Error::custom("its parts do not fit together");
+        Err(SealedError::Content { path: path.to_owned(), source }.into())
     }
 
     /// Holds what was read to what a search relies on.
-    fn checked(self) -> Result<Self, serde_json::Error> {
-        let Self { settings, state, .. } = &self;
+    fn is_whole(&self) -> bool {
+        let Self { settings, state, .. } = self;
         let begun = state.next > 0;
         let islands = if begun { settings.islands } else { 0 };
-        let whole = state.islands.len() == islands
+        state.islands.len() == islands
             && state.islands.iter().all(|p| p.len() == settings.island_size)
             && state.history.len() == islands * state.next as usize
             && state.islands.iter().all(|p| best(p).full)
             && (state.hall.members().is_empty() == state.memo.is_empty())
-            && !(begun && state.memo.is_empty());
-        if whole { Ok(self) } else { Err(de::Error::custom("its parts do not fit together")) }
+            && !(begun && state.memo.is_empty())
     }
 
     /// What the search was told.
@@ -121,9 +101,10 @@ impl Checkpoint {
     }
 
     /// Writes it; a file of that name stays whole until the new one is.
+    ///
+    /// # Errors
+    /// If it cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        let json = serde_json::to_vec(self)
-            .map_err(|source| Error::Checkpoint { path: path.to_owned(), source })?;
-        Ok(write_atomically(path, &json)?)
+        Ok(write_sealed(path, FORMAT, self)?)
     }
 }

@@ -1,10 +1,9 @@
 //! Why a search cannot go on.
 
-use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::expr::text::TextError;
-use crate::image::ImageError;
+use crate::tune::SealedError;
 
 /// Everything that this floor's functions can fail with.
 #[derive(Debug, thiserror::Error)]
@@ -31,38 +30,15 @@ pub enum Error {
         /// it could not be written.
         checkpoint: Option<PathBuf>,
     },
-    /// A file cannot be read.
-    #[error("cannot read {}", path.display())]
-    Read {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// A file cannot be written.
-    #[error(transparent)]
-    Write(#[from] ImageError),
-    /// A file is no checkpoint.
-    #[error("{} is not a checkpoint that this version can resume", path.display())]
-    Checkpoint {
-        /// Which.
-        path: PathBuf,
-        /// Where it stops making sense.
-        source: serde_json::Error,
-    },
-    /// A checkpoint is laid out as another version does.
+    /// The search was stopped before anything was judged.
     #[error(
-        "{} is a checkpoint of another version ({found}; this one reads {read}): resume it with \
-         the version that wrote it, or start anew", path.display()
+        "the search was stopped before the first expressions were judged, so that there is no \
+         best so far"
     )]
-    Format {
-        /// Which.
-        path: PathBuf,
-        /// The layout's name.
-        found: String,
-        /// The one that this version reads.
-        read: &'static str,
-    },
+    Stopped,
+    /// A checkpoint cannot be read or written.
+    #[error(transparent)]
+    Checkpoint(#[from] SealedError),
     /// A checkpoint belongs to another fitness.
     #[error(
         "the checkpoint was bred against {bred}, which is not {given}: resume it with what it was \
@@ -73,6 +49,15 @@ pub enum Error {
         bred: String,
         /// What it is to be resumed with.
         given: String,
+    },
+    /// A picture that expressions are judged by is not what it was.
+    #[error(
+        "{picture} is not the one that the checkpoint was bred against (another picture, or \
+         loaded by another version): resume with the old one, or start anew"
+    )]
+    Picture {
+        /// Which.
+        picture: String,
     },
 }
 

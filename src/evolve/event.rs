@@ -1,5 +1,6 @@
 //! What a search tells while it runs.
 
+use super::error::Error;
 use super::history::Row;
 use super::individual::Individual;
 
@@ -25,6 +26,20 @@ pub enum Event<'a> {
         islands: &'a [Row],
         /// The best of the whole run so far.
         best: &'a Individual,
+    },
+    /// A checkpoint was due, or breeding has ended.
+    Checkpoint {
+        /// Whether one was asked for and could be written.
+        written: bool,
+        /// The generations that are complete, the initial one included.
+        complete: u32,
+        /// The best so far, if anything was judged: not yet judged in full.
+        best: Option<&'a Individual>,
+        /// How many expressions were judged.
+        evaluations: usize,
+        /// Why the checkpoint could not be written, if it could not, and no earlier one
+        /// failed for the same cause.
+        failure: Option<&'a Error>,
     },
     /// The finalists are about to be judged in full.
     Finalists {

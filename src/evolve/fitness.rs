@@ -3,6 +3,7 @@
 use super::individual::Judgement;
 use super::race::{Entrant, Ruling};
 use crate::expr::Tree;
+use crate::scene::Fingerprint;
 
 /// Judges expressions (Section 4.3 of the paper): lower is better.
 ///
@@ -62,6 +63,19 @@ pub trait Fitness: Sync {
     /// What judging one expression in full takes, in some unit of work.
     fn work(&self) -> u64 {
         1
+    }
+
+    /// Whether an error says no more than that somebody asked to stop while expressions were
+    /// judged. What was judged in part is then thrown away, and the search ends as if it had
+    /// been stopped before that.
+    fn is_stop(_error: &Self::Error) -> bool {
+        false
+    }
+
+    /// The pictures that expressions are judged by. A checkpoint is only resumed with the
+    /// same ones.
+    fn pictures(&self) -> Vec<Fingerprint> {
+        Vec::new()
     }
 
     /// Names what expressions are judged against (scenes, subset, radius, …).

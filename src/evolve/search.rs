@@ -1,7 +1,5 @@
 //! The search itself: generation after generation, on all islands at once.
 
-use std::path::Path;
-
 use rayon::prelude::*;
 
 use super::breeding::{Child, Place, initial, offspring};
@@ -17,27 +15,31 @@ use super::memo::Newcomer;
 use super::race::{Entrant, Ruling, Work, bar};
 use super::settings::Settings;
 use crate::expr::Tree;
-use crate::tune::{Control, Ending, Watch};
+use crate::scene::Fingerprint;
+use crate::tune::{Control, Ending, Keeper, Watch};
 
 /// A search under way.
 pub struct Search<'a, F> {
     settings: Settings,
     materials: Materials,
     fitness: &'a F,
+    /// What the fitness judges by: it takes a while to find.
+    pictures: Vec<Fingerprint>,
     state: State,
 }
 
-/// An expression that has been judged by everything there is.
+/// One of the best expressions of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finalist {
     /// The expression.
     pub tree: Tree,
     /// Its fitness in breeding.
     pub bred: f64,
-    /// Its fitness in full: lower is better.
-    pub full: f64,
+    /// Its fitness by everything there is: lower is better. None if the run was stopped
+    /// before that was known.
+    pub full: Option<f64>,
     /// How far what is computed for it is from what it means; none if somebody before
-    /// it won.
+    /// it won, or the run was stopped.
     pub difference: Option<f64>,
     /// Why it must not win, if it is close enough and that was found.
     pub objection: Option<String>,
@@ -46,10 +48,12 @@ pub struct Finalist {
 /// What a run found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// The hall of fame judged in full, the best first. Never empty.
+    /// The hall of fame judged in full, the best first; as breeding judged it, if the run was
+    /// stopped before that was done. Never empty.
     pub finalists: Vec<Finalist>,
     /// Which of them wins: the first that is computed accurately enough and to which
-    /// there is no objection. If there is none, the most accurate.
+    /// there is no objection. If there is none, the most accurate. If the run was stopped,
+    /// the first of which nothing else is known yet.
     pub winner: usize,
     /// The islands after the last complete generation; none if the run was
     /// stopped within the initial one.
@@ -79,7 +83,7 @@ impl<'a, F: Fitness> Search<'a, F> {
     /// A search from the beginning.
     pub fn new(settings: Settings, fitness: &'a F) -> Result<Self, Error> {
         let state = State::new(&settings);
-        Self::with_state(settings, fitness, state)
+        Self::with_state(settings, fitness, fitness.pictures(), state)
     }
 
     /// A search from where a checkpoint was written. It ends with what the
@@ -89,13 +93,22 @@ impl<'a, F: Fitness> Search<'a, F> {
         if checkpoint.identity != given {
             return Err(Error::Identity { bred: checkpoint.identity, given });
         }
-        Self::with_state(checkpoint.settings, fitness, checkpoint.state)
+        let pictures = fitness.pictures();
+        if let Some(picture) = Fingerprint::first_changed(&checkpoint.pictures, &pictures) {
+            return Err(Error::Picture { picture: picture.to_owned() });
+        }
+        Self::with_state(checkpoint.settings, fitness, pictures, checkpoint.state)
     }
 
-    fn with_state(settings: Settings, fitness: &'a F, state: State) -> Result<Self, Error> {
+    fn with_state(
+        settings: Settings,
+        fitness: &'a F,
+        pictures: Vec<Fingerprint>,
+        state: State,
+    ) -> Result<Self, Error> {
         settings.validate()?;
         let materials = Materials::new(&settings)?;
-        Ok(Self { settings, materials, fitness, state })
+        Ok(Self { settings, materials, fitness, pictures, state })
     }
 
     /// What the search was told.
@@ -103,18 +116,32 @@ impl<'a, F: Fitness> Search<'a, F> {
         &self.settings
     }
 
+    /// The best so far, if anything was judged: as breeding judged it.
+    pub fn best(&self) -> Option<&Individual> {
+        self.state.hall.members().first()
+    }
+
     /// The search as it stands.
     pub fn checkpoint(&self) -> Checkpoint {
-        Checkpoint::new(self.fitness.identity(), self.settings.clone(), self.state.clone())
+        Checkpoint {
+            identity: self.fitness.identity(),
+            pictures: self.pictures.clone(),
+            settings: self.settings.clone(),
+            state: self.state.clone(),
+        }
     }
 
     /// Searches until the last generation or until `control` ends it, and
-    /// judges the finalists in full either way. At least one batch is judged,
-    /// so that there always is a best so far.
+    /// judges the finalists in full either way. Unless the fitness gives up because of the
+    /// same wish to stop, at least one expression is judged, so that there always is a best so far.
+    ///
+    /// A checkpoint is written before anything is judged, after the initial generation, then
+    /// as `control` asks, and when breeding ends. That one cannot be written is told
+    /// ([`Event::Checkpoint`]) and no reason to stop.
     ///
     /// # Errors
-    /// If a checkpoint cannot be written, or the fitness fails. In the latter case the
-    /// checkpoint that `control` asks for is written first, and the error names it.
+    /// If the fitness fails: the checkpoint that `control` asks for is written first, and the
+    /// error names it. Or if it gives up before anything was judged.
     ///
     /// # Panics
     /// If the fitness breaks its contract: a NaN, or a wrong number of values.
@@ -124,43 +151,51 @@ impl<'a, F: Fitness> Search<'a, F> {
         listener: &mut dyn FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
         let watch = Watch::start(control);
-        let bred = self.breed(&watch, control, listener);
-        let written = self.save(control);
-        let path = written.as_ref().ok().copied().flatten();
-        let ending = bred.map_err(|error| error.resumable(path))?;
-        written?;
-        let judged = self.finals(listener).and_then(|mut finalists| {
-            let winner = self.winner(&mut finalists, listener)?;
-            Ok((finalists, winner))
-        });
-        let (finalists, winner) = judged.map_err(|error| error.resumable(path))?;
+        let mut keeper = Keeper::new(control);
+        let bred = self.breed(&watch, &mut keeper, listener);
+        self.save(&mut keeper, listener);
+        let resumable = |error: Error| error.resumable(keeper.latest());
+        let bred = bred.map_err(resumable)?;
+        if self.state.memo.is_empty() {
+            return Err(Error::Stopped);
+        }
+        let (finalists, done) = self.finals(listener).map_err(resumable)?;
         Ok(Outcome {
-            finalists,
-            winner,
+            winner: finalists.winner,
+            finalists: finalists.all,
             islands: self.state.islands.clone(),
             history: self.state.history.clone(),
             evaluations: self.state.memo.len(),
             dropped: self.state.memo.dropped(),
             memo_hits: self.memo_hits(),
             work: self.state.work,
-            ending,
+            ending: if done { bred } else { Ending::Stopped },
         })
     }
 
-    /// Writes the checkpoint that is asked for, if one is, and says where.
-    fn save<'c>(&self, control: &'c Control) -> Result<Option<&'c Path>, Error> {
-        let Some(checkpoints) = &control.checkpoints else { return Ok(None) };
-        self.checkpoint().write(&checkpoints.path)?;
-        Ok(Some(&checkpoints.path))
+    /// Writes the checkpoint that is asked for, if one is.
+    fn save(&self, keeper: &mut Keeper<'_>, listener: &mut dyn FnMut(Event<'_>)) {
+        let failure = keeper.keep(|path| self.checkpoint().write(path));
+        listener(Event::Checkpoint {
+            written: keeper.latest().is_some(),
+            complete: self.state.next,
+            best: self.best(),
+            evaluations: self.state.memo.len(),
+            failure: failure.as_ref(),
+        });
     }
 
     /// Forms generations until there is a reason to end.
     fn breed(
         &mut self,
         watch: &Watch<'_>,
-        control: &Control,
+        keeper: &mut Keeper<'_>,
         listener: &mut dyn FnMut(Event<'_>),
     ) -> Result<Ending, Error> {
+        // Whoever is killed while the initial population is judged can be resumed, too.
+        if self.state.memo.is_empty() && keeper.is_due(0) {
+            self.save(keeper, listener);
+        }
         while self.state.next <= self.settings.generations {
             if let Some(ending) = watch.ending().filter(|_| !self.state.memo.is_empty()) {
                 return Ok(ending);
@@ -178,11 +213,9 @@ impl<'a, F: Fitness> Search<'a, F> {
                 islands: &self.state.history[rows..],
                 best: &self.state.hall.members()[0],
             });
-            if let Some(checkpoints) = &control.checkpoints
-                && checkpoints.interval > 0
-                && self.state.next.is_multiple_of(checkpoints.interval)
-            {
-                self.save(control)?;
+            // Counted from the initial population, which is the first to be safe.
+            if keeper.is_due(generation) && generation < self.settings.generations {
+                self.save(keeper, listener);
             }
         }
         Ok(Ending::Finished)
@@ -218,26 +251,32 @@ impl<'a, F: Fitness> Search<'a, F> {
         let bred = children.iter().zip(&bars).flat_map(|(children, bar)| {
             children.iter().filter_map(Child::tree).map(move |tree| (tree, bar.as_ref()))
         });
-        let missing = self.state.memo.missing(bred);
+        let generation = self.state.next;
+        let missing = self.state.memo.missing(generation, bred);
         let mut judged = 0;
-        for batch in missing.chunks(self.settings.batch) {
+        // The first expression of all is judged alone, so that there soon is a best so far.
+        let first = if self.state.memo.is_empty() { 1 } else { self.settings.batch };
+        let (first, rest) = missing.split_at(first.min(missing.len()));
+        let batches = std::iter::once(first).chain(rest.chunks(self.settings.batch));
+        for batch in batches.filter(|batch| !batch.is_empty()) {
             if judged > 0
                 && let Some(ending) = watch.ending()
             {
                 return Ok(Some(ending));
             }
-            for (newcomer, ruling) in batch.iter().zip(self.race(batch)?) {
+            let Some(rulings) = self.race(batch)? else { return Ok(Some(Ending::Stopped)) };
+            for (newcomer, ruling) in batch.iter().zip(rulings) {
                 let individual = Individual::new(newcomer.tree.clone(), ruling.verdict);
                 if individual.full {
                     self.state.hall.offer(individual.clone());
                 }
                 self.state.work.done += ruling.work;
-                if self.state.memo.insert(individual) {
+                if self.state.memo.insert(generation, individual) {
                     self.state.work.exhaustive += self.fitness.work();
                 }
             }
             judged += batch.len();
-            listener(Event::Batch { generation: self.state.next, judged, of: missing.len() });
+            listener(Event::Batch { generation, judged, of: missing.len() });
         }
         Ok(None)
     }
@@ -254,10 +293,13 @@ impl<'a, F: Fitness> Search<'a, F> {
         bars
     }
 
-    /// Has newcomers judged, and holds the fitness to its contract.
-    fn race(&self, newcomers: &[Newcomer<'_>]) -> Result<Vec<Ruling>, Error> {
+    /// Has newcomers judged, and holds the fitness to its contract. None if it gave up
+    /// because somebody asked to stop.
+    fn race(&self, newcomers: &[Newcomer<'_>]) -> Result<Option<Vec<Ruling>>, Error> {
         let entrants: Vec<Entrant<'_>> = newcomers.iter().map(Newcomer::entrant).collect();
-        let rulings = self.fitness.race(&entrants).map_err(Error::fitness)?;
+        let Some(rulings) = unless_stopped::<F, _>(self.fitness.race(&entrants))? else {
+            return Ok(None);
+        };
         assert_eq!(rulings.len(), entrants.len(), "a race ends with one ruling per entrant");
         for (Entrant { tree, bar }, ruling) in entrants.iter().zip(&rulings) {
             let value = ruling.verdict.value();
@@ -265,7 +307,7 @@ impl<'a, F: Fitness> Search<'a, F> {
             let beaten = bar.is_some_and(|bar| value >= bar.fitness);
             assert!(ruling.verdict.is_full() || beaten, "only the beaten are dropped, not {tree}");
         }
-        Ok(rulings)
+        Ok(Some(rulings))
     }
 
     /// Puts a generation's judged children on the islands, lets the best
@@ -289,6 +331,7 @@ impl<'a, F: Fitness> Search<'a, F> {
             migrate(&mut state.islands);
         }
         state.next = generation + 1;
+        state.memo.forget(settings.remembered);
         let progress = Progress {
             evaluations: self.state.memo.len(),
             memo_hits: self.memo_hits(),
@@ -299,52 +342,66 @@ impl<'a, F: Fitness> Search<'a, F> {
         self.state.history.extend(rows);
     }
 
-    /// Judges the hall of fame by everything there is.
-    fn finals(&self, listener: &mut dyn FnMut(Event<'_>)) -> Result<Vec<Finalist>, Error> {
+    /// Judges the hall of fame by everything there is, and finds the winner. Also returns
+    /// whether the fitness saw it through, and did not give up because somebody asked to stop.
+    fn finals(&self, listener: &mut dyn FnMut(Event<'_>)) -> Result<(Finalists, bool), Error> {
         let members = self.state.hall.members();
         listener(Event::Finalists { count: members.len() });
         let trees: Vec<Tree> = members.iter().map(|m| m.tree.clone()).collect();
-        let values = contract(&trees, self.fitness.evaluate_full(&trees))?;
+        let finalist = |tree: Tree, bred: f64, full: Option<f64>| Finalist {
+            tree,
+            bred,
+            full,
+            difference: None,
+            objection: None,
+        };
+        let Some(values) = unless_stopped::<F, _>(self.fitness.evaluate_full(&trees))? else {
+            let bred = members.iter().map(|m| finalist(m.tree.clone(), m.fitness, None));
+            return Ok((Finalists { all: bred.collect(), winner: 0 }, false));
+        };
+        contract(&trees, &values);
         let mut ranked: Vec<(Individual, f64)> = members
             .iter()
             .zip(values)
             .map(|(m, full)| (Individual::new(m.tree.clone(), Judgement::Full(full)), m.fitness))
             .collect();
         ranked.sort_by(|(a, _), (b, _)| a.cmp(b));
-        let finalist = |(judged, bred): (Individual, f64)| Finalist {
-            tree: judged.tree,
-            bred,
-            full: judged.fitness,
-            difference: None,
-            objection: None,
-        };
-        Ok(ranked.into_iter().map(finalist).collect())
+        let all = ranked.into_iter();
+        let all = all.map(|(judged, bred)| finalist(judged.tree, bred, Some(judged.fitness)));
+        let mut finalists = Finalists { all: all.collect(), winner: 0 };
+        let done = self.decide(&mut finalists, listener)?;
+        Ok((finalists, done))
     }
 
     /// Compares finalists with their exact meanings until one is close enough, and
-    /// nothing else is to be said against it.
-    fn winner(
+    /// nothing else is to be said against it. Returns whether it got to the end of that; if
+    /// not, the one that was being looked at is taken for the winner.
+    fn decide(
         &self,
-        finalists: &mut [Finalist],
+        finalists: &mut Finalists,
         listener: &mut dyn FnMut(Event<'_>),
-    ) -> Result<usize, Error> {
+    ) -> Result<bool, Error> {
         let mut closest = (0, f64::INFINITY);
-        for (rank, finalist) in finalists.iter_mut().enumerate() {
+        for (rank, finalist) in finalists.all.iter_mut().enumerate() {
+            finalists.winner = rank;
             listener(Event::Comparison { rank });
-            let difference = self.fitness.difference(&finalist.tree).map_err(Error::fitness)?;
+            let difference = unless_stopped::<F, _>(self.fitness.difference(&finalist.tree))?;
+            let Some(difference) = difference else { return Ok(false) };
             finalist.difference = Some(difference);
             if difference <= self.fitness.tolerance() {
-                finalist.objection =
-                    self.fitness.objection(&finalist.tree).map_err(Error::fitness)?;
+                let objection = unless_stopped::<F, _>(self.fitness.objection(&finalist.tree))?;
+                let Some(objection) = objection else { return Ok(false) };
+                finalist.objection = objection;
                 if finalist.objection.is_none() {
-                    return Ok(rank);
+                    return Ok(true);
                 }
             }
             if difference < closest.1 {
                 closest = (rank, difference);
             }
         }
-        Ok(closest.0)
+        finalists.winner = closest.0;
+        Ok(true)
     }
 
     /// How many of the expressions bred had been judged before. What a stopped
@@ -354,15 +411,25 @@ impl<'a, F: Fitness> Search<'a, F> {
     }
 }
 
+/// The best of a run, and which of them wins.
+struct Finalists {
+    all: Vec<Finalist>,
+    winner: usize,
+}
+
+/// What a fitness answered; none if it gave up because somebody asked to stop.
+fn unless_stopped<F: Fitness, T>(answer: Result<T, F::Error>) -> Result<Option<T>, Error> {
+    match answer {
+        Ok(answer) => Ok(Some(answer)),
+        Err(error) if F::is_stop(&error) => Ok(None),
+        Err(error) => Err(Error::fitness(error)),
+    }
+}
+
 /// Holds a fitness to its contract.
-fn contract<E>(trees: &[Tree], values: Result<Vec<f64>, E>) -> Result<Vec<f64>, Error>
-where
-    E: std::error::Error + Send + Sync + 'static,
-{
-    let values = values.map_err(Error::fitness)?;
+fn contract(trees: &[Tree], values: &[f64]) {
     assert_eq!(values.len(), trees.len(), "a fitness gives one value per expression");
-    for (tree, value) in trees.iter().zip(&values) {
+    for (tree, value) in trees.iter().zip(values) {
         assert!(!value.is_nan(), "a fitness is never NaN, but was for {tree}");
     }
-    Ok(values)
 }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use crate::expr::Tree;
 use crate::expr::grammar::Primitives;
+use crate::filter::Window;
 use crate::image::metric::Measure;
 use crate::plan::Precision;
 
@@ -80,6 +81,9 @@ pub struct Settings {
     /// Most expressions that are compiled into one program, in which they share
     /// what they have in common; 1 for each its own. No result depends on it.
     pub together: usize,
+    /// Most nodes of the expressions whose fitness is remembered, each counting as 16 more
+    /// than it has. The paper's search cannot get there.
+    pub remembered: usize,
     /// How expressions that cannot win are given up.
     pub racing: Racing,
 }
@@ -176,6 +180,7 @@ impl Preset {
             finalists: 16,
             batch: 128,
             together: TOGETHER,
+            remembered: 1 << 24,
             racing: Racing { on: true, rungs: vec![0.02, 0.1, 0.3], bar: 0.1, deviations: 2.0 },
         };
         match self {
@@ -217,32 +222,77 @@ impl Settings {
 
     /// Checks that a search can be made of them.
     pub fn validate(&self) -> Result<(), Error> {
-        let at_least = |name, value: usize, least: usize, wanted| {
-            let broken = Error::Setting { name, value: value.to_string(), wanted };
-            if value < least { Err(broken) } else { Ok(()) }
-        };
-        at_least("islands", self.islands, 1, "at least one island is needed")?;
-        at_least(
-            "island_size",
-            self.island_size,
-            2,
-            "an island needs one place for its best and one for migrants",
-        )?;
-        at_least("tournament", self.tournament, 1, "somebody has to enter the tournament")?;
-        at_least("finalists", self.finalists, 1, "somebody has to be judged in full")?;
-        at_least("batch", self.batch, 1, "the fitness has to be given something")?;
-        at_least("together", self.together, 1, "a program computes at least one expression")?;
-        at_least("max_nodes", self.max_nodes, 1, "a tree has at least one node")?;
-        at_least("max_depth", self.max_depth, 1, "a tree has at least one level")?;
-        at_least(
-            "initial_mutations",
-            self.initial_mutations as usize,
-            1,
-            "the initial population consists of mutants",
-        )?;
+        let racing = &self.racing;
+        let counts = [
+            ("islands", self.islands, 1, 1000, "from 1 to 1000 islands"),
+            (
+                "island_size",
+                self.island_size,
+                2,
+                100_000,
+                "from 2 (a place for the island's best and one for migrants) to 100000",
+            ),
+            ("generations", self.generations as usize, 0, 10_000_000, "at most 10000000"),
+            (
+                "migration_interval",
+                self.migration_interval as usize,
+                0,
+                10_000_000,
+                "at most 10000000, or 0 for no migration",
+            ),
+            (
+                "tournament",
+                self.tournament,
+                1,
+                self.island_size,
+                "from 1 to the island's size: more would draw the same individuals again",
+            ),
+            // Of what is planned at once everything is planned before anybody looks whether
+            // to stop.
+            ("finalists", self.finalists, 1, 1000, "from 1 to 1000"),
+            ("batch", self.batch, 1, 1000, "from 1 to 1000"),
+            ("together", self.together, 1, 128, "from 1 to 128"),
+            ("max_nodes", self.max_nodes, 1, 10_000, "from 1 to 10000"),
+            ("max_depth", self.max_depth, 1, 10_000, "from 1 to 10000"),
+            (
+                "remembered",
+                self.remembered,
+                1,
+                u32::MAX as usize,
+                "from 1 to 4294967295: a node takes some ten bytes",
+            ),
+            (
+                "initial_mutations",
+                self.initial_mutations as usize,
+                1,
+                10_000,
+                "from 1 (the initial population consists of mutants) to 10000",
+            ),
+            (
+                "radius",
+                self.radius as usize,
+                1,
+                Window::MAX_RADIUS as usize,
+                "from 1 (a window of one pixel filters nothing) to 128",
+            ),
+            ("racing.rungs", racing.rungs.len(), 0, 100, "at most 100 shares"),
+        ];
+        for (name, value, least, most, wanted) in counts {
+            if value < least || value > most {
+                return Err(Error::Setting { name, value: value.to_string(), wanted });
+            }
+        }
+        let population = self.islands * self.island_size;
+        if population > 1_000_000 {
+            return Err(Error::Setting {
+                name: "islands * island_size",
+                value: population.to_string(),
+                wanted: "a generation has at most 1000000 expressions",
+            });
+        }
 
         let w = &self.mutations;
-        let never_negative = "must be finite and not negative";
+        let moderate = "must be at least 0 and at most 1e6";
         for (name, value) in [
             ("reproduction", self.reproduction),
             ("crossover", self.crossover),
@@ -253,11 +303,11 @@ impl Settings {
             ("mutations.delete", w.delete),
             ("mutations.jitter", w.jitter),
             ("jitter_sigma", self.jitter_sigma),
-            ("racing.deviations", self.racing.deviations),
+            ("racing.deviations", racing.deviations),
         ] {
-            if !(value.is_finite() && value >= 0.0) {
+            if !(0.0..=1e6).contains(&value) {
                 let value = value.to_string();
-                return Err(Error::Setting { name, value, wanted: never_negative });
+                return Err(Error::Setting { name, value, wanted: moderate });
             }
         }
         if !(self.share > 0.0 && self.share <= 1.0) {
@@ -267,7 +317,6 @@ impl Settings {
                 wanted: "a share of the pixels is above 0 and at most 1",
             });
         }
-        let racing = &self.racing;
         let listed = racing.rungs.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         if !(racing.rungs.iter().all(|&rung| rung > 0.0 && rung < 1.0)
             && racing.rungs.is_sorted_by(|a, b| a < b))
@@ -354,7 +403,24 @@ mod tests {
             settings.validate().unwrap_err().to_string()
         };
         assert!(refused(|s| s.tournament = 0).contains("`tournament` is 0"));
+        assert!(refused(|s| s.tournament = 41).contains("`tournament` is 41"));
         assert!(refused(|s| s.island_size = 1).contains("`island_size` is 1"));
+        assert!(refused(|s| s.island_size = 1_000_000_000).contains("100000"));
+        assert!(refused(|s| s.islands = usize::MAX).contains("from 1 to 1000 islands"));
+        let population = refused(|s| (s.islands, s.island_size) = (1000, 100_000));
+        assert!(population.contains("`islands * island_size` is 100000000"), "{population}");
+        assert!(refused(|s| s.generations = u32::MAX).contains("`generations`"));
+        assert!(refused(|s| s.migration_interval = u32::MAX).contains("`migration_interval`"));
+        assert!(refused(|s| s.radius = 0).contains("`radius` is 0"));
+        assert!(refused(|s| s.radius = 129).contains("to 128"));
+        assert!(refused(|s| s.finalists = usize::MAX).contains("`finalists`"));
+        assert!(refused(|s| s.batch = 0).contains("`batch` is 0"));
+        assert!(refused(|s| s.together = 129).contains("`together` is 129"));
+        assert!(refused(|s| s.max_nodes = 0).contains("`max_nodes` is 0"));
+        assert!(refused(|s| s.max_depth = 10_001).contains("`max_depth` is 10001"));
+        assert!(refused(|s| s.initial_mutations = 0).contains("`initial_mutations` is 0"));
+        assert!(refused(|s| s.remembered = 0).contains("`remembered` is 0"));
+        assert!(refused(|s| s.mutations.jitter = 1e300).contains("at most 1e6"));
         assert!(refused(|s| s.crossover = 0.5).contains("add up to 1"));
         assert!(refused(|s| s.crossover = f64::NAN).contains("`crossover` is NaN"));
         assert!(refused(|s| s.mutations.swap = -1.0).contains("`mutations.swap` is -1"));

@@ -7,25 +7,23 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use super::loss::PARTS;
 use super::optimizer::Position;
+use super::sealed::{read_sealed, write_sealed};
 use super::settings::Settings;
-use crate::image::write_atomically;
+use crate::scene::Fingerprint;
 
 /// The layout of the file; raised with every change to it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Format {
-    #[serde(rename = "tamis-tuning-1")]
-    V1,
-}
+const FORMAT: &str = "tamis-tuning-2";
 
 /// Everything that a run knows between two steps.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Checkpoint {
-    format: Format,
     /// The filter as it was begun with.
     pub(super) filter: String,
     /// The scenes' names with their sample counts.
     pub(super) scenes: Vec<String>,
+    /// Their pictures.
+    pub(super) pictures: Vec<Fingerprint>,
     pub(super) settings: Settings,
     pub(super) state: State,
 }
@@ -96,24 +94,12 @@ pub fn csv(rows: &[Row]) -> String {
 }
 
 impl Checkpoint {
-    pub(super) fn new(
-        filter: String,
-        scenes: Vec<String>,
-        settings: Settings,
-        state: State,
-    ) -> Self {
-        Self { format: Format::V1, filter, scenes, settings, state }
-    }
-
     /// Reads a checkpoint.
     ///
     /// # Errors
-    /// If the file cannot be read, or is none.
+    /// If the file cannot be read, is none, or is damaged.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let contents =
-            std::fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
-        serde_json::from_slice(&contents)
-            .map_err(|source| Error::Checkpoint { path: path.to_owned(), source })
+        Ok(read_sealed(path, FORMAT)?)
     }
 
     /// What the run was told.
@@ -126,9 +112,7 @@ impl Checkpoint {
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        let json = serde_json::to_vec(self)
-            .map_err(|source| Error::Checkpoint { path: path.to_owned(), source })?;
-        Ok(write_atomically(path, &json)?)
+        Ok(write_sealed(path, FORMAT, self)?)
     }
 }
 

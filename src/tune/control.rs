@@ -12,7 +12,8 @@ use std::time::{Duration, Instant};
 /// finds.
 #[derive(Clone, Debug, Default)]
 pub struct Control {
-    /// Set this (on Ctrl-C, say) and the run ends after the batch under way.
+    /// Set this (on Ctrl-C, say) and the run ends after the batch or step under way; at once,
+    /// if what takes the time looks at it too (`backend::Stoppable`).
     pub stop: Arc<AtomicBool>,
     /// Ends the run after the batch in which the time is up. The one thing
     /// here that a clock decides, and only where the user asks for it.

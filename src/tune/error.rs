@@ -1,8 +1,6 @@
 //! Why constants cannot be tuned.
 
-use std::io;
-use std::path::PathBuf;
-
+use super::sealed::SealedError;
 use crate::backend::BackendError;
 use crate::image::ImageError;
 use crate::plan::PlanError;
@@ -33,7 +31,7 @@ pub enum Error {
     /// A scene cannot be read.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// A reference and a noisy image are of different sizes, or a file cannot be written.
+    /// A reference and a noisy image are of different sizes.
     #[error(transparent)]
     Image(#[from] ImageError),
     /// The filter cannot run on a scene.
@@ -47,22 +45,9 @@ pub enum Error {
     /// The back end failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
-    /// A file cannot be read.
-    #[error("cannot read {}", path.display())]
-    Read {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// A file is no checkpoint.
-    #[error("{} is not a checkpoint that this version can resume", path.display())]
-    Checkpoint {
-        /// Which.
-        path: PathBuf,
-        /// Where it stops making sense.
-        source: serde_json::Error,
-    },
+    /// A checkpoint cannot be read or written.
+    #[error(transparent)]
+    Checkpoint(#[from] SealedError),
     /// A checkpoint is of another run.
     #[error(
         "the checkpoint was made with another {what}: resume it with what it was begun with, or \
@@ -71,5 +56,14 @@ pub enum Error {
     Other {
         /// What differs.
         what: &'static str,
+    },
+    /// A picture is not what it was.
+    #[error(
+        "{picture} is not the one that the checkpoint was made with (another picture, or loaded \
+         by another version): resume with the old one, or start anew"
+    )]
+    Picture {
+        /// Which.
+        picture: String,
     },
 }

@@ -37,7 +37,7 @@ pub use control::{Causes, Checkpoints, Control, Ending, Keeper};
 pub use error::Error;
 pub use loss::{Loss, Reference};
 pub use rng::{Stream, stream};
-pub use scenes::{Level, TuningScene};
+pub use scenes::{Level, TuningScene, pictures};
 pub use sealed::{SealedError, read_sealed, write_sealed};
 pub use settings::Settings;
 pub use trial::{Score, Trial, scores};

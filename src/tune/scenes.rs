@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use super::error::Error;
 use super::loss::Reference;
 use crate::image::{Image, Metrics};
 use crate::scene::{
-    Crop, LoadOptions, Needs, Scene, SceneFiles, load_reference, sample_counts, samples_of,
+    Crop, Fingerprint, LoadOptions, Needs, Scene, SceneFiles, load_reference, sample_counts, samples_of,
 };
 
 /// A scene, rendered with more and with fewer samples.
@@ -74,6 +76,21 @@ impl TuningScene {
         let levels = self.levels.iter().map(level).collect();
         Self { name: self.name.clone(), levels, image, reference }
     }
+}
+
+/// The pictures of scenes, as errors call them.
+pub fn pictures(training: &[TuningScene], validation: &[TuningScene]) -> Vec<Fingerprint> {
+    let scenes: Vec<&TuningScene> = training.iter().chain(validation).collect();
+    let of = |scene: &TuningScene| {
+        let name = &scene.name;
+        let noisy = scene.levels.iter().map(|level| {
+            let samples = level.samples.map_or(String::new(), |n| format!(" at {n} samples"));
+            Fingerprint::of_scene(format!("the noisy image of `{name}`{samples}"), &level.scene)
+        });
+        let clean = Fingerprint::of_image(format!("the reference of `{name}`"), &scene.image);
+        noisy.chain([clean]).collect::<Vec<Fingerprint>>()
+    };
+    scenes.par_iter().flat_map_iter(|scene| of(scene)).collect()
 }
 
 /// The noisy images of a scene, by sample count.

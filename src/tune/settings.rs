@@ -70,11 +70,15 @@ impl Settings {
         let refuse = |name, value: String, wanted| Err(Error::Setting { name, value, wanted });
         let positive = |x: f64| x > 0.0 && x.is_finite();
         match self {
-            Self { steps: 0, .. } => refuse("steps", "0".to_owned(), "at least 1"),
-            Self { batch: 0, .. } => refuse("batch", "0".to_owned(), "at least 1"),
+            Self { steps, .. } if !(1..=100_000_000).contains(steps) => {
+                refuse("steps", steps.to_string(), "from 1 to 100000000")
+            }
+            Self { batch, .. } if !(1..=10_000).contains(batch) => {
+                refuse("batch", batch.to_string(), "from 1 to 10000")
+            }
             Self { interval: 0, .. } => refuse("interval", "0".to_owned(), "at least 1"),
-            Self { crop, .. } if *crop < 8 || crop % 2 != 0 => {
-                refuse("crop", crop.to_string(), "an even number of at least 8")
+            Self { crop, .. } if !(8..=65_536).contains(crop) || crop % 2 != 0 => {
+                refuse("crop", crop.to_string(), "an even number from 8 to 65536")
             }
             Self { rate, .. } if !positive(*rate) => {
                 refuse("rate", rate.to_string(), "greater than 0")

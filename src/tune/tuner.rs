@@ -1,18 +1,18 @@
 //! The run itself.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 
 use rayon::prelude::*;
 
 use super::checkpoint::{Best, Checkpoint, Row, State};
-use super::control::{Control, Ending, Watch};
+use super::control::{Control, Ending, Keeper, Watch};
 use super::draw::{Draw, LACKS, Lack};
 use super::error::Error;
 use super::loss::{PARTS, parts};
 use super::optimizer::{Rates, Scales};
 use super::rng::stream;
-use super::scenes::TuningScene;
+use super::scenes::{TuningScene, pictures};
 use super::settings::Settings;
 use super::trial::{is_estimated, refused, trial};
 use crate::backend::{Backend, Differentiable, Differentiator, Workspace};
@@ -21,7 +21,7 @@ use crate::expr::interval::Interval;
 use crate::expr::{Feature, PlaneId, Quantity};
 use crate::filter::Filter;
 use crate::plan::{Gradient, Passes};
-use crate::scene::{Fact, Facts, MOST_SAMPLES};
+use crate::scene::{Fact, Facts, Fingerprint, MOST_SAMPLES};
 
 /// How much of what a part of the loss is for an image by now comes from the last time that
 /// some of it was drawn.
@@ -39,6 +39,9 @@ pub enum Event<'a> {
     },
     /// A row was added to the history.
     Row(&'a Row),
+    /// A checkpoint could not be written, and no earlier one failed for the same cause. The
+    /// run goes on.
+    Unwritten(&'a Error),
 }
 
 /// What a run came to.
@@ -72,6 +75,9 @@ pub struct Tuner<'a, B> {
     backend: &'a B,
     scales: Scales,
     codes: Vec<Code>,
+    /// Those of the scenes: it takes a while to find them.
+    /// The pictures of the scenes, once somebody asked.
+    pictures: OnceLock<Vec<Fingerprint>>,
     state: State,
 }
 
@@ -111,7 +117,8 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
             drawn: 0,
             history: Vec::new(),
         };
-        Ok(Self { filter, settings, training, validation, backend, scales, codes, state })
+        let pictures = OnceLock::new();
+        Ok(Self { filter, settings, training, validation, backend, scales, codes, pictures, state })
     }
 
     /// Goes on with a run, which must have been begun with the same filter and scenes.
@@ -125,7 +132,7 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
         validation: &'a [TuningScene],
         backend: &'a B,
     ) -> Result<Self, Error> {
-        let Checkpoint { filter: begun, scenes, settings, state, .. } = checkpoint;
+        let Checkpoint { filter: begun, scenes, pictures, settings, state } = checkpoint;
         let fresh = Self::new(filter, settings, training, validation, backend)?;
         let expected = fresh.state.norms.iter().map(Vec::len);
         let fits = state.position.at.len() == fresh.state.position.at.len()
@@ -136,13 +143,25 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
         if fresh.scene_names() != scenes || !fits {
             return Err(Error::Other { what: "set of scenes" });
         }
+        if let Some(picture) = Fingerprint::first_changed(&pictures, fresh.pictures()) {
+            return Err(Error::Picture { picture: picture.to_owned() });
+        }
         Ok(Self { state, ..fresh })
     }
 
     /// What there is to go on from.
     pub fn checkpoint(&self) -> Checkpoint {
-        let (filter, scenes) = (self.written_filter(), self.scene_names());
-        Checkpoint::new(filter, scenes, self.settings.clone(), self.state.clone())
+        Checkpoint {
+            filter: self.written_filter(),
+            scenes: self.scene_names(),
+            pictures: self.pictures().to_vec(),
+            settings: self.settings.clone(),
+            state: self.state.clone(),
+        }
+    }
+
+    fn pictures(&self) -> &[Fingerprint] {
+        self.pictures.get_or_init(|| pictures(self.training, self.validation))
     }
 
     fn written_filter(&self) -> String {
@@ -172,14 +191,18 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
 
     /// Runs to the end, however that comes, and says what happens.
     ///
+    /// A checkpoint that cannot be written is told ([`Event::Unwritten`]) and no reason to
+    /// stop.
+    ///
     /// # Errors
-    /// If the back end fails, or a checkpoint cannot be written.
+    /// If the back end fails.
     pub fn run(
         &mut self,
         control: &Control,
         hear: &mut dyn FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
         let watch = Watch::start(control);
+        let mut keeper = Keeper::new(control);
         let steps = self.settings.steps;
         if self.state.history.is_empty() {
             self.row(hear)?;
@@ -200,16 +223,11 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
                     break;
                 }
             }
-            if let Some(checkpoints) = &control.checkpoints
-                && checkpoints.interval > 0
-                && step.is_multiple_of(checkpoints.interval)
-            {
-                self.checkpoint().write(&checkpoints.path)?;
+            if keeper.is_due(step) && step < steps {
+                self.save(&mut keeper, hear);
             }
         }
-        if let Some(checkpoints) = &control.checkpoints {
-            self.checkpoint().write(&checkpoints.path)?;
-        }
+        self.save(&mut keeper, hear);
         let (values, step) = match &self.state.best {
             Some(best) => (self.scales.values(&best.values), best.step),
             None => (self.scales.values(&self.state.position.average), self.state.next),
@@ -217,6 +235,13 @@ impl<'a, B: Backend + Differentiator> Tuner<'a, B> {
         let mut filter = self.filter.clone();
         filter.constants.set_values(&values);
         Ok(Outcome { filter, step, history: self.state.history.clone(), ending })
+    }
+
+    /// Writes the checkpoint that is asked for, if one is.
+    fn save(&self, keeper: &mut Keeper<'_>, hear: &mut dyn FnMut(Event<'_>)) {
+        if let Some(error) = keeper.keep(|path| self.checkpoint().write(path)) {
+            hear(Event::Unwritten(&error));
+        }
     }
 
     /// One step of the optimizer.

@@ -1,9 +1,11 @@
 //! `evolve`.
 
-use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+#[cfg(unix)]
+use std::io::{BufRead, BufReader, Lines};
+#[cfg(unix)]
+use std::process::{Child, ChildStderr, Command, Stdio};
 
-use crate::place::{Place, json, stderr};
+use crate::place::{CLEAN, NOISY, Place, json, stderr, write_exr};
 
 /// A search of a few seconds at most.
 const TINY: [&str; 10] = [
@@ -72,34 +74,199 @@ fn a_search_leaves_out_what_its_scenes_lack() {
     assert!(file.contains("\"worldPosition\"") && !file.contains("\"normal\""), "{file}");
 }
 
+/// A search that is under way: it has said so.
 #[cfg(unix)]
-#[test]
-fn an_interrupted_search_writes_its_best_so_far() {
-    let place = Place::new();
-    let mut command = place.program(&tiny("out", &["--generations", "1000000"]));
+fn under_way(place: &Place, out: &str) -> (Child, Lines<BufReader<ChildStderr>>) {
+    let mut command = place.program(&tiny(out, &["--generations", "1000000"]));
     let mut child =
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
-    let log = BufReader::new(child.stderr.take().expect("it is piped"));
-    let interrupt = || {
-        let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-        assert!(kill.expect("there is a kill command").success());
-    };
-    let mut said = Vec::new();
-    for line in log.lines() {
-        let line = line.expect("UTF-8");
-        if said.is_empty() && line.starts_with("generation") {
-            interrupt();
-            said.push(line);
-        } else if !said.is_empty() {
-            said.push(line);
+    let mut log = BufReader::new(child.stderr.take().expect("it is piped")).lines();
+    let begun = log.by_ref().map(|line| line.expect("UTF-8")).any(|l| l.starts_with("generation"));
+    assert!(begun, "it ended before its first generation");
+    (child, log)
+}
+
+#[cfg(unix)]
+fn send(signal: &str, child: &Child) {
+    let kill = Command::new("kill").args([signal, &child.id().to_string()]).status();
+    assert!(kill.expect("there is a kill command").success());
+}
+
+fn training(place: &Place, file: &str) -> toml::Table {
+    let file = String::from_utf8(place.bytes(file)).expect("UTF-8");
+    let file: toml::Table = file.parse().expect("TOML");
+    file["training"].as_table().expect("a table").clone()
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_search_writes_its_best_so_far_and_can_judge_it_later() {
+    for signal in ["-INT", "-TERM"] {
+        let place = Place::new();
+        let (child, log) = under_way(&place, "out");
+        send(signal, &child);
+        let said: Vec<String> = log.map(|line| line.expect("UTF-8")).collect();
+        let output = child.wait_with_output().expect("the program ends");
+        assert!(output.status.success(), "{said:?}");
+        let text = String::from_utf8(output.stdout).expect("UTF-8");
+        assert!(text.contains("search stopped by the user"), "{text} {said:?}");
+        assert!(text.contains("not judged on all pixels"), "{text}");
+        place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", "out/best.toml"]);
+        assert!(training(&place, "out/best.toml").get("error").is_none());
+        assert!(place.path("out/checkpoint.json").is_file());
+
+        // The command that it names judges the finalists, and breeds nothing.
+        let command = text.lines().find(|line| line.starts_with("`tamis evolve")).expect("it");
+        let command = command.split('`').nth(1).expect("it is quoted");
+        let judged = place.done(&command.split(' ').skip(1).collect::<Vec<_>>());
+        assert!(judged.contains("training error") && judged.contains("finished"), "{judged}");
+        assert!(training(&place, "out/best.toml")["error"].is_float());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_search_leaves_a_filter_and_nothing_that_is_in_the_way() {
+    let place = Place::new();
+    let (mut child, log) = under_way(&place, "out");
+    // Another one may not write there meanwhile, whatever it is told.
+    for more in [&["--generations", "1"][..], &["--generations", "1", "--overwrite"]] {
+        let output = place.run(&tiny("out", more));
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        let process = format!("process {}", child.id());
+        assert!(said.contains(&process) && said.contains("--out"), "{said}");
+    }
+    let output = place.run(&["evolve", "--out", "out", "--resume"]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    send("-KILL", &child);
+    drop(log);
+    assert!(!child.wait().expect("it ends").success());
+    assert!(place.path("out/search.lock").is_file());
+
+    let training = training(&place, "out/best.toml");
+    assert!(training["ending"].as_str().is_some_and(|text| text.contains("under way")));
+    assert!(training.get("error").is_none() && training["error-while-breeding"].is_float());
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", "out/best.toml"]);
+    std::fs::write(place.path("out/.tamis-4294967295-Xyz123"), "left").expect("writable");
+    let resume = ["evolve", "--out", "out", "--resume", "--max-time", "0"];
+    assert!(place.done(&resume).contains("stopped by the time limit"));
+    assert!(!place.path("out/search.lock").exists());
+    // What there is to tell of left-over files hangs on the system.
+    let left = place.path("out/.tamis-4294967295-Xyz123").exists();
+    assert_eq!(left, cfg!(not(target_os = "linux")));
+}
+
+#[test]
+fn a_search_is_not_resumed_on_scenes_that_have_changed() {
+    let place = Place::new();
+    place.done(&tiny("out", &["--generations", "0"]));
+    let resume = ["evolve", "--out", "out", "--resume", "--generations", "1"];
+    let mut noisy = NOISY;
+    noisy[3].1 = |x, _| if x < 12 { 0.999 } else { 0.0 };
+    write_exr(&place.path("room/4spp.exr"), &noisy);
+    place.fails(1, &resume, &["the noisy image of `room`", "start anew"]);
+    write_exr(&place.path("room/4spp.exr"), &NOISY);
+    let mut clean = CLEAN;
+    clean[0].1 = |x, y| if (x, y) == (3, 4) { 0.801 } else { CLEAN[0].1(x, y) };
+    write_exr(&place.path("room/reference.exr"), &clean);
+    place.fails(1, &resume, &["the reference of `room`"]);
+    write_exr(&place.path("room/reference.exr"), &CLEAN);
+    place.done(&resume);
+}
+
+#[test]
+fn a_search_can_be_resumed_whatever_its_share() {
+    let place = Place::new();
+    let mut random = 7u64;
+    for k in 0..12 {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963);
+        let share = ((random >> 11) as f64 / (1u64 << 53) as f64).to_string();
+        let out = format!("out{k}");
+        place.done(&tiny(&out, &["--generations", "0", "--share", &share]));
+        place.done(&["evolve", "--out", &out, "--resume", "--generations", "1"]);
+    }
+}
+
+#[test]
+fn a_damaged_checkpoint_is_refused() {
+    let place = Place::new();
+    place.done(&tiny("out", &["--generations", "1"]));
+    let mut bytes = place.bytes("out/checkpoint.json");
+    let at = bytes.len() / 3;
+    bytes[at] ^= 1;
+    std::fs::write(place.path("out/checkpoint.json"), bytes).expect("writable");
+    let resume = ["evolve", "--out", "out", "--resume", "--generations", "2"];
+    place.fails(1, &resume, &["out/checkpoint.json", "damaged", "start anew"]);
+    place.fails(1, &["evolve", "--out", "gone", "--resume"], &["gone/checkpoint.json"]);
+    assert!(!place.path("gone").exists());
+}
+
+#[test]
+fn what_is_out_of_bounds_is_refused_before_anything_is_read() {
+    let place = Place::new();
+    for (flag, value, named) in [
+        ("--island-size", "1000000000", "island_size"),
+        ("--island-size", "1", "island_size"),
+        ("--islands", "0", "islands"),
+        ("--islands", "18446744073709551615", "islands"),
+        ("--tournament", "7", "to the island's size"),
+        ("--radius", "0", "radius"),
+        ("--radius", "4294967295", "radius"),
+        ("--generations", "4294967295", "generations"),
+        ("--finalists", "0", "finalists"),
+        ("--batch", "0", "batch"),
+        ("--together", "0", "together"),
+        ("--max-nodes", "18446744073709551615", "max_nodes"),
+        ("--initial-mutations", "4294967295", "initial_mutations"),
+        ("--share", "0", "share"),
+        ("--threads", "1000000", "--threads"),
+        ("--threads", "0", "--threads"),
+    ] {
+        let mut arguments = vec!["evolve", "--scenes", "nowhere", "--out", "out"];
+        if flag != "--island-size" {
+            arguments.extend(["--island-size", "6"]);
+        }
+        arguments.extend([flag, value]);
+        place.fails(2, &arguments, &[named]);
+    }
+    assert!(!place.path("out").exists());
+}
+
+#[test]
+fn what_cannot_be_written_is_said_at_once_and_never_costs_the_result() {
+    let place = Place::new();
+    // A folder that cannot be made, and one that takes no files; no scene is looked for.
+    let nowhere = ["evolve", "--scenes", "nowhere", "--out"];
+    place.fails(
+        1,
+        &[&nowhere[..], &["room/4spp.exr/out"]].concat(),
+        &["room/4spp.exr/out", "--out"],
+    );
+    if cfg!(target_os = "linux") {
+        place.fails(1, &[&nowhere[..], &["/proc"]].concat(), &["/proc", "cannot write", "--out"]);
+    }
+
+    let whole = place.done(&tiny("whole", &["--generations", "6"]));
+    let weight = whole.lines().next().expect("the filter");
+    for (blocked, status) in [("checkpoint.json", 0), ("best.toml", 1), ("history.csv", 1)] {
+        let out = format!("without-{blocked}");
+        std::fs::create_dir_all(place.path(&format!("{out}/{blocked}/in the way")))
+            .expect("a folder");
+        let more = ["--generations", "6", "--overwrite", "--checkpoint-every", "1"];
+        let output = place.run(&tiny(&out, &more));
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(status), "{said}");
+        let text = String::from_utf8(output.stdout).expect("UTF-8");
+        assert!(text.starts_with(weight), "{text}");
+        let warned = said.matches("warning:").count();
+        assert_eq!(warned, usize::from(blocked != "history.csv"), "{said}");
+        assert!(said.contains(&format!("{blocked}: cannot write")), "{said}");
+        for other in ["checkpoint.json", "best.toml", "history.csv", "summary.md"] {
+            let there = place.path(&format!("{out}/{other}")).is_file();
+            assert_eq!(there, other != blocked, "{out}/{other}");
         }
     }
-    let output = child.wait_with_output().expect("the program ends");
-    assert!(output.status.success(), "{said:?}");
-    let text = String::from_utf8(output.stdout).expect("UTF-8");
-    assert!(text.contains("search stopped by the user"), "{text} {said:?}");
-    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", "out/best.toml"]);
-    assert!(place.path("out/checkpoint.json").is_file());
 }
 
 #[test]

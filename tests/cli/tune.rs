@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::place::{Place, stderr};
+use crate::place::{CLEAN, Place, stderr, write_exr};
 
 /// A blur whose width is a constant.
 const BLUR: &str = r#"version = 2
@@ -69,6 +69,7 @@ fn what_cannot_be_tuned_is_said_before_anything_is_written() {
     let named = ["bilateral", "constant", "[params]"];
     place.fails(1, &["tune", "bilateral", "--scenes", "room", "-o", "x.toml"], &named);
     place.fails(2, &tune("x.toml", &["--crop", "7"]), &["crop", "even"]);
+    place.fails(2, &tune("x.toml", &["--batch", "1000000000"]), &["batch", "to 10000"]);
     place.fails(2, &tune("x.toml", &["--resume", "--seed", "3"]), &["--seed", "--resume"]);
     place.fails(1, &tune("x.toml", &["--resume"]), &["x.json"]);
     place.fails(2, &["tune", "blur.toml", "-o", "x.toml"], &["--scenes"]);
@@ -84,6 +85,37 @@ fn a_run_replaces_no_other_by_accident() {
     place.fails(1, &tune("x.toml", &few), &["x.json", "--resume", "--output", "--overwrite"]);
     place.done(&tune("x.toml", &[&few[..], &["--overwrite"]].concat()));
     place.fails(2, &tune("x.toml", &["--resume", "--overwrite"]), &["--overwrite"]);
+}
+
+#[test]
+fn a_run_is_not_resumed_on_scenes_that_have_changed_or_from_a_damaged_file() {
+    let place = place();
+    let few = [&FEW[..], &["--steps", "2"]].concat();
+    place.done(&tune("x.toml", &few));
+    assert!(!place.path("x.lock").exists() || cfg!(not(unix)));
+    let mut clean = CLEAN;
+    clean[0].1 = |x, y| if (x, y) == (3, 4) { 0.801 } else { CLEAN[0].1(x, y) };
+    write_exr(&place.path("room/reference.exr"), &clean);
+    place.fails(1, &tune("x.toml", &["--resume"]), &["the reference of `room`", "start anew"]);
+    write_exr(&place.path("room/reference.exr"), &CLEAN);
+    let mut bytes = place.bytes("x.json");
+    let at = bytes.len() / 2;
+    bytes[at] ^= 1;
+    fs::write(place.path("x.json"), bytes).expect("writable");
+    place.fails(1, &tune("x.toml", &["--resume"]), &["x.json is damaged"]);
+}
+
+#[test]
+fn a_checkpoint_that_cannot_be_written_does_not_end_a_run() {
+    let place = place();
+    fs::create_dir_all(place.path("x.json/in the way")).expect("a folder");
+    let few = [&FEW[..], &["--steps", "4", "--overwrite", "--checkpoint-every", "1"]].concat();
+    let output = place.run(&tune("x.toml", &few));
+    let said = stderr(&output);
+    assert!(output.status.success(), "{said}");
+    assert_eq!(said.matches("x.json: cannot write").count(), 1, "{said}");
+    assert!(place.path("x.toml").is_file());
+    place.fails(1, &tune("gone/x.toml", &few), &["gone: cannot write", "--output"]);
 }
 
 #[test]

@@ -129,15 +129,14 @@ impl ExactGather {
     }
 }
 
-/// How far a scene's filtered pixels, row by row, are from exact: the greatest
+/// How far the filtered pixels of a rectangle, row by row, are from exact: the greatest
 /// [difference](ExactGather::difference) of those of which back ends promise anything.
 ///
 /// # Panics
 /// If the scene was loaded without a plane that the stage reads.
-pub fn difference(scene: &Scene, stage: &Gather, computed: &[[f32; 3]]) -> f64 {
-    let width = scene.layout().width();
-    let rows = computed.par_chunks(width).enumerate().map(|(y, row)| {
-        let exact = filter(scene, stage, Rect { x: 0, y, width, height: 1 });
+pub fn difference(scene: &Scene, stage: &Gather, rect: Rect, computed: &[[f32; 3]]) -> f64 {
+    let rows = computed.par_chunks(rect.width).enumerate().map(|(y, row)| {
+        let exact = filter(scene, stage, Rect { y: rect.y + y, height: 1, ..rect });
         let promised = row.iter().zip(&exact).filter(|(_, exact)| exact.is_promised());
         promised.map(|(&computed, exact)| exact.difference(computed)).fold(0.0, f64::max)
     });

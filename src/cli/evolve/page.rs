@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::parameters;
-use super::record::{Origin, effort, ending, generations};
+use super::record::{Origin, effort, ending, error, generations};
 use crate::evolve::summary::Frequency;
 use crate::evolve::{Outcome, Summary};
 use crate::expr::text::latex;
@@ -19,11 +19,9 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
     let mut page = String::from("# A bred filter\n\n");
     let _ = writeln!(
         page,
-        "Training error {} (sum of {} over {}), {} nodes, radius {}, seed {}. The search {} \
+        "The result has {}, {} nodes, radius {} and seed {}. The search {} \
          after generation {} of {}. It {} ({} more had been judged before).\n",
-        number::error(best.full),
-        origin.settings.error.title(),
-        number::plural(origin.scores.scenes.len(), "scene"),
+        error(origin, outcome),
         best.tree.len(),
         origin.settings.radius,
         origin.settings.seed,
@@ -35,16 +33,27 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
     );
     let _ = writeln!(page, "```text\n{}\n```\n\n$${}$$\n", best.tree, latex(&best.tree));
 
-    page.push_str("## Training scenes\n\nRelMSE, and without the worst 0.1% of the pixels.\n\n");
-    page.push_str(&origin.scores.render(Format::Markdown));
+    if let Some(scores) = origin.scores {
+        page.push_str(
+            "## Training scenes\n\nRelMSE, and without the worst 0.1% of the pixels.\n\n",
+        );
+        page.push_str(&scores.render(Format::Markdown));
+        page.push('\n');
+    }
 
-    page.push_str("\n## What the filters look at\n\n");
+    page.push_str("## What the filters look at\n\n");
     page.push_str(&frequencies(outcome));
 
-    page.push_str(
-        "\n## Finalists\n\nThe best of the whole run, judged on all pixels. The first that is close enough \
-         to its exact meaning is the result.\n\n",
-    );
+    page.push_str(match best.full {
+        Some(_) => {
+            "\n## Finalists\n\nThe best of the whole run, judged on all pixels. The first that is close \
+             enough to its exact meaning is the result.\n\n"
+        }
+        None => {
+            "\n## Finalists\n\nThe best of the whole run as breeding judged them: the search was \
+             stopped before they were judged on all pixels.\n\n"
+        }
+    });
     let mut table = Table::new([
         ("error", Align::Right),
         ("while breeding", Align::Right),
@@ -54,7 +63,7 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
     ]);
     for finalist in &outcome.finalists {
         table.row([
-            number::error(finalist.full),
+            finalist.full.map_or("-".to_owned(), number::error),
             number::error(finalist.bred),
             finalist.difference.map_or("-".to_owned(), number::difference),
             finalist.tree.len().to_string(),

@@ -7,7 +7,7 @@ use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 
 use super::preset::Preset;
 use crate::cli::error::Error;
-use crate::evolve::{Settings, programs};
+use crate::evolve::{self, Settings, programs};
 use crate::expr::grammar::Primitives;
 use crate::image::metric::Measure;
 use crate::plan::Precision;
@@ -31,6 +31,8 @@ pub(super) trait Tabled: Sized + 'static {
     const KIND: &str;
     /// The presets that have such settings, with them.
     fn presets() -> Vec<(&'static str, Self)>;
+    /// Checks that they make sense.
+    fn validated(&self) -> Result<(), evolve::Error>;
 }
 
 impl Tabled for Settings {
@@ -41,6 +43,10 @@ impl Tabled for Settings {
         let settings = |preset: Preset| Some((preset.name(), preset.weights()?));
         Preset::ALL.into_iter().filter_map(settings).collect()
     }
+
+    fn validated(&self) -> Result<(), evolve::Error> {
+        self.validate()
+    }
 }
 
 impl Tabled for programs::Settings {
@@ -50,6 +56,10 @@ impl Tabled for programs::Settings {
     fn presets() -> Vec<(&'static str, Self)> {
         let settings = |preset: Preset| Some((preset.name(), preset.programs()?));
         Preset::ALL.into_iter().filter_map(settings).collect()
+    }
+
+    fn validated(&self) -> Result<(), evolve::Error> {
+        self.validate()
     }
 }
 
@@ -176,6 +186,8 @@ const PARAMETERS: &[Parameter<Settings>] = parameters! {
         "Expressions judged at once; no result depends on it";
     "together" "N" together:
         "Expressions compiled into one program, which computes once what they share; no result depends on it";
+    "remembered" "NODES" remembered:
+        "Most nodes of the expressions whose fitness is remembered; those that were not bred for longest are forgotten first";
     "racing" "on|off" racing.on:
         "Whether expressions that cannot win are given up early (not in the paper)";
     "rungs" "SHARE,..." racing.rungs:

@@ -1,10 +1,12 @@
 //! The search's progress: a line that redraws itself on a terminal, and a line
 //! every so often elsewhere.
 
+use std::fmt::Display;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 
+use super::pace::Pace;
 use crate::cli::log::Log;
 use crate::evolve::Event;
 use crate::report::number;
@@ -31,6 +33,9 @@ pub(super) struct Progress {
     judged: usize,
     /// Those of them that belong to the generation being formed.
     current: usize,
+    pace: Pace,
+    /// When the generation being formed was begun.
+    begun: Instant,
 }
 
 impl Progress {
@@ -47,6 +52,8 @@ impl Progress {
             best: Vec::new(),
             judged: 0,
             current: 0,
+            pace: Pace::default(),
+            begun: Instant::now(),
         }
     }
 
@@ -61,14 +68,25 @@ impl Progress {
             Event::Generation { generation, of, islands, .. } => {
                 self.current = 0;
                 self.best = islands.iter().map(|row| row.best).collect();
+                self.pace.add(self.begun.elapsed());
                 self.show(generation, 1.0, generation == of);
+                self.begun = Instant::now();
             }
+            Event::Checkpoint { .. } => {}
             Event::Finalists { count } => {
                 self.tell(format!("judging {} on all pixels", number::plural(count, "finalist")));
             }
             Event::Comparison { rank } => {
                 self.tell(format!("comparing finalist {} with its exact meaning", rank + 1));
             }
+        }
+    }
+
+    /// Writes a warning, the line cleared meanwhile.
+    pub(super) fn warn(&self, warning: impl Display) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| self.log.warn(warning)),
+            None => self.log.warn(warning),
         }
     }
 
@@ -92,7 +110,8 @@ impl Progress {
         let done = f64::from(generation - first) + share;
         let all = f64::from(self.generations.saturating_sub(first)).max(1.0);
         let elapsed = self.started.elapsed();
-        let mut left = elapsed.mul_f64((all - done).max(0.0) / done.max(1e-3));
+        let after = f64::from((self.generations - 1).saturating_sub(generation));
+        let mut left = self.pace.left(after, share, self.begun.elapsed());
         if let Some(limit) = self.time_limit {
             left = left.min(limit.saturating_sub(elapsed));
         }

@@ -1,7 +1,10 @@
 //! Where a bred filter comes from, as its file tells.
 
-use crate::evolve::{Ending, Outcome, Settings, Work};
-use crate::report::{ScoreTable, number};
+use std::fmt::Write;
+use std::path::Path;
+
+use crate::evolve::{Ending, Individual, Outcome, Settings, Work};
+use crate::report::{Format, ScoreTable, number};
 
 /// What a run was started with, beside its settings.
 pub(super) struct Origin<'a> {
@@ -11,8 +14,40 @@ pub(super) struct Origin<'a> {
     pub(super) backend: &'static str,
     /// Whether unstable expressions were kept out.
     pub(super) require_stable: bool,
-    /// The training scenes' errors; the bred filter comes first.
-    pub(super) scores: &'a ScoreTable,
+    /// How many training scenes there are.
+    pub(super) scenes: usize,
+    /// The training scenes' errors, if they were measured; the bred filter comes first.
+    pub(super) scores: Option<&'a ScoreTable>,
+}
+
+/// What both tables begin with.
+fn begun() -> toml::Table {
+    let mut table = toml::Table::new();
+    table.insert("program".to_owned(), concat!("tamis ", env!("CARGO_PKG_VERSION")).into());
+    table
+}
+
+/// The `[training]` table of the best so far, of a search that has formed so many generations.
+pub(super) fn under_way(
+    origin: &Origin<'_>,
+    best: &Individual,
+    complete: u32,
+    evaluations: usize,
+) -> toml::Table {
+    let mut table = begun();
+    let mut put = |key: &str, value: toml::Value| table.insert(key.to_owned(), value);
+    put("error-while-breeding", best.fitness.into());
+    put("seed", integer(origin.settings.seed));
+    put("ending", "none yet: the search was under way, and this was the best so far".into());
+    put("generations", integer(complete.saturating_sub(1)));
+    put("expressions-judged", integer(evaluations));
+    put("backend", origin.backend.into());
+    if origin.require_stable {
+        put("require-stable", true.into());
+    }
+    let parameters = toml::Value::try_from(origin.settings).expect("settings are TOML");
+    put("parameters", parameters);
+    table
 }
 
 /// The `[training]` table of a filter file. Nothing in it depends on a clock or
@@ -20,10 +55,11 @@ pub(super) struct Origin<'a> {
 /// bytes.
 pub(super) fn training(origin: &Origin<'_>, outcome: &Outcome) -> toml::Table {
     let best = outcome.best();
-    let mut table = toml::Table::new();
+    let mut table = begun();
     let mut put = |key: &str, value: toml::Value| table.insert(key.to_owned(), value);
-    put("program", concat!("tamis ", env!("CARGO_PKG_VERSION")).into());
-    put("error", best.full.into());
+    if let Some(error) = best.full {
+        put("error", error.into());
+    }
     put("error-while-breeding", best.bred.into());
     put("finalist", integer(outcome.winner + 1));
     if let Some(difference) = best.difference {
@@ -40,7 +76,8 @@ pub(super) fn training(origin: &Origin<'_>, outcome: &Outcome) -> toml::Table {
     if origin.require_stable {
         put("require-stable", true.into());
     }
-    let scenes = origin.scores.scenes.iter().map(|score| {
+    let scores = origin.scores.into_iter().flat_map(|scores| &scores.scenes);
+    let scenes = scores.map(|score| {
         let mut scene = toml::Table::new();
         scene.insert("name".to_owned(), score.scene.clone().into());
         scene.insert("noisy-rel-mse".to_owned(), score.noisy.rel_mse.into());
@@ -51,10 +88,63 @@ pub(super) fn training(origin: &Origin<'_>, outcome: &Outcome) -> toml::Table {
         }
         toml::Value::Table(scene)
     });
-    put("scenes", toml::Value::Array(scenes.collect()));
+    let scenes: Vec<toml::Value> = scenes.collect();
+    if !scenes.is_empty() {
+        put("scenes", toml::Value::Array(scenes));
+    }
     let parameters = toml::Value::try_from(origin.settings).expect("settings are TOML");
     put("parameters", parameters);
     table
+}
+
+/// What is printed at the end: the filter first.
+pub(super) fn report(origin: &Origin<'_>, outcome: &Outcome, out: &Path) -> String {
+    let best = outcome.best();
+    let mut text = format!("{}\n\n", best.tree);
+    let _ = writeln!(
+        text,
+        "{}, search {}\n{}",
+        error(origin, outcome),
+        ending(outcome.ending),
+        effort(outcome)
+    );
+    if outcome.ending == Ending::Stopped {
+        text += match best.full {
+            None => {
+                "The finalists were not judged on all pixels, nor compared with their exact meanings.\n"
+            }
+            Some(_) => {
+                "Not all finalists were compared with their exact meanings that had to be.\n"
+            }
+        };
+        if let Some(generation) = generations(outcome) {
+            let _ = writeln!(
+                text,
+                "`tamis evolve --resume --generations {generation} --out {}` does that and no more.",
+                out.display()
+            );
+        }
+    }
+    if let Some(scores) = origin.scores {
+        text.push('\n');
+        text += &scores.render(Format::Plain);
+    }
+    text
+}
+
+/// The result's error, in words.
+pub(super) fn error(origin: &Origin<'_>, outcome: &Outcome) -> String {
+    let best = outcome.best();
+    let (kind, value) = match best.full {
+        Some(error) => ("training error", error),
+        None => ("error while breeding", best.bred),
+    };
+    format!(
+        "{kind} {} (sum of {} over {})",
+        number::error(value),
+        origin.settings.error.title(),
+        number::plural(origin.scenes, "scene"),
+    )
 }
 
 /// The last complete generation.

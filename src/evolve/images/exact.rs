@@ -19,6 +19,20 @@ pub(super) const TOLERANCE: f64 = ACCURACY / 2.0;
 /// The window's radius: 25 taps, exactly computed for 0.4 million pixels, take seconds.
 const RADIUS: u32 = 2;
 
+/// Pixels of a band, about: computed exactly in less than a second.
+const BAND: usize = 1 << 14;
+
+/// A rectangle in bands of rows. Between two of them the back end may say that somebody asked
+/// to stop.
+fn bands(whole: Rect) -> impl Iterator<Item = Rect> {
+    let height = (BAND / whole.width.max(1)).max(1);
+    (0..whole.height).step_by(height).map(move |y| Rect {
+        y: whole.y + y,
+        height: height.min(whole.height - y),
+        ..whole
+    })
+}
+
 impl ImageFitness<'_> {
     /// The greatest difference from exact of a pixel of which back ends promise
     /// anything, of all scenes.
@@ -33,8 +47,10 @@ impl ImageFitness<'_> {
         let mut greatest = 0.0f64;
         for training in &self.scenes {
             let scene = &training.scene;
-            let filtered = code.run(scene, &[Rect::whole(scene)]).map_err(failed)?.swap_remove(0);
-            greatest = greatest.max(oracle::difference(scene, &stage, &filtered.pixels));
+            for band in bands(Rect::whole(scene)) {
+                let filtered = code.run(scene, &[band]).map_err(failed)?.swap_remove(0);
+                greatest = greatest.max(oracle::difference(scene, &stage, band, &filtered.pixels));
+            }
         }
         Ok(greatest)
     }

@@ -22,8 +22,8 @@ use crate::filter::Window;
 use crate::image::metric::{self, Measure};
 use crate::image::{Image, ImageError};
 use crate::plan::{Passes, PlanError, Precision};
-use crate::scene::Scene;
 use crate::scene::facts::Facts;
+use crate::scene::{Fingerprint, Scene};
 use batch::Batching;
 pub use coverage::Coverage;
 use race::Course;
@@ -327,6 +327,25 @@ impl Fitness for ImageFitness<'_> {
     /// Pixel pairs.
     fn work(&self) -> u64 {
         self.pairs() as u64
+    }
+
+    fn is_stop(error: &Self::Error) -> bool {
+        match error {
+            JudgeError::Plan(_) => false,
+            JudgeError::Backend { source, .. } => BackendError::is_stop(source),
+            JudgeError::Restriction(failure) => BackendError::is_stop(&**failure),
+        }
+    }
+
+    fn pictures(&self) -> Vec<Fingerprint> {
+        let of = |training: &TrainingScene| {
+            let name = training.scene.name();
+            [
+                Fingerprint::of_scene(format!("the noisy image of `{name}`"), &training.scene),
+                Fingerprint::of_image(format!("the reference of `{name}`"), &training.reference),
+            ]
+        };
+        self.scenes.par_iter().flat_map_iter(of).collect()
     }
 
     fn identity(&self) -> String {

@@ -404,3 +404,112 @@ fn a_restriction_keeps_out_whom_it_refuses() {
     assert!(matches!(unanswered.evaluate(&trees), Err(JudgeError::Restriction(_))));
     assert!(matches!(unanswered.objection(&trees[1]), Err(JudgeError::Restriction(_))));
 }
+
+/// Runs on another back end, counts the pixels, and raises a flag at a run.
+struct Bell {
+    runs: std::sync::Arc<Mutex<Vec<usize>>>,
+    at: usize,
+    flag: std::sync::Arc<std::sync::atomic::AtomicBool>,
+}
+
+impl Backend for Bell {
+    fn name(&self) -> &'static str {
+        "bell"
+    }
+
+    fn agreement(&self) -> crate::backend::Agreement {
+        crate::backend::Agreement::Bits
+    }
+
+    fn compile(&self, plan: &Plan) -> Result<Box<dyn Executable>, BackendError> {
+        let (runs, flag) = (self.runs.clone(), self.flag.clone());
+        Ok(Box::new(Rung { inner: Interpreter.compile(plan)?, runs, at: self.at, flag }))
+    }
+}
+
+struct Rung {
+    inner: Box<dyn Executable>,
+    runs: std::sync::Arc<Mutex<Vec<usize>>>,
+    at: usize,
+    flag: std::sync::Arc<std::sync::atomic::AtomicBool>,
+}
+
+impl Executable for Rung {
+    fn run_watched(
+        &self,
+        scene: &Scene,
+        region: &[Rect],
+        watch: &crate::backend::Watch<'_>,
+    ) -> Result<Vec<crate::backend::Filtered>, BackendError> {
+        let mut runs = self.runs.lock().unwrap();
+        runs.push(region.iter().map(Rect::pixels).sum());
+        if runs.len() == self.at {
+            self.flag.store(true, std::sync::atomic::Ordering::Relaxed);
+        }
+        drop(runs);
+        self.inner.run_watched(scene, region, watch)
+    }
+}
+
+/// Whatever is asked of it: after the flag is up nothing more is filtered, and until then no
+/// piece is larger than it may be.
+#[test]
+fn a_fitness_on_a_back_end_that_can_be_stopped_gives_up_at_once() {
+    use crate::backend::Stoppable;
+    // A few rows of a scene, for one expression.
+    const PIXELS: usize = 2000;
+    let trees = bred(8);
+    let bar = Bar { tree: &trees[0], fitness: 0.5 };
+    let entrants: Vec<Entrant<'_>> =
+        trees.iter().map(|tree| Entrant { tree, bar: Some(bar) }).collect();
+    type Ask<'t> = (&'t str, Box<dyn Fn(&ImageFitness<'_>) -> Result<(), JudgeError> + Sync + 't>);
+    let questions: Vec<Ask<'_>> = vec![
+        ("evaluate", Box::new(|judge| judge.evaluate(&trees).map(drop))),
+        ("evaluate_full", Box::new(|judge| judge.evaluate_full(&trees[..2]).map(drop))),
+        ("race", Box::new(|judge| judge.race(&entrants).map(drop))),
+        ("difference", Box::new(|judge| judge.difference(&trees[0]).map(drop))),
+    ];
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for (name, ask) in &questions {
+        for at in [1, 3] {
+            let bell = Bell { runs: Default::default(), at, flag: std::sync::Arc::default() };
+            let pairs = PIXELS * (2 * RADIUS as usize + 1).pow(2);
+            let backend = Stoppable::new(&bell, bell.flag.clone(), pairs);
+            let judge = fitness(&backend).together(1).racing(&racing(1.0), 3);
+            let error = pool.install(|| ask(&judge)).expect_err("it was stopped");
+            assert!(<ImageFitness<'_> as Fitness>::is_stop(&error), "{name}: {error}");
+            let runs = bell.runs.lock().unwrap();
+            assert_eq!(runs.len(), at, "{name}: something was run after the flag was up");
+            assert!(runs.iter().all(|&pixels| pixels <= 16 * PIXELS), "{name}: {runs:?}");
+        }
+    }
+    let mut free = fitness(&Interpreter);
+    free.batching.together = 3;
+    let backend = Stoppable::new(&Interpreter, Default::default(), 100_000);
+    let stoppable = fitness(&backend).together(3);
+    assert_eq!(stoppable.evaluate(&trees).unwrap(), free.evaluate(&trees).unwrap());
+    let few = &trees[..2];
+    assert_eq!(stoppable.evaluate_full(few).unwrap(), free.evaluate_full(few).unwrap());
+    assert_eq!(stoppable.difference(&trees[0]).unwrap(), free.difference(&trees[0]).unwrap());
+}
+
+#[test]
+fn pictures_are_named_by_their_scenes_and_change_with_their_pixels() {
+    let pictures = |scenes| {
+        ImageFitness::new(scenes, Window::dense(RADIUS), COVERAGE, &Interpreter).pictures()
+    };
+    let begun = pictures(scenes());
+    let names: Vec<&str> = begun.iter().map(|picture| &*picture.name).collect();
+    let noisy = |name: &str| format!("the noisy image of `{name}`");
+    assert_eq!(names[0], noisy("study"));
+    assert_eq!(names[3], "the reference of `meadow`");
+    assert_eq!(begun, pictures(scenes()));
+
+    let mut scenes = scenes();
+    let (width, height) = scenes[1].reference.size();
+    let mut rgb = scenes[1].reference.rgb().map(<[f32]>::to_vec);
+    rgb[2][77] = rgb[2][77].next_up();
+    scenes[1].reference = Image::new("reference", width, height, rgb).unwrap();
+    let changed = pictures(scenes);
+    assert_eq!(Fingerprint::first_changed(&begun, &changed), Some(names[3]));
+}
