@@ -8,7 +8,8 @@ use super::error::Error;
 use super::loss::Reference;
 use crate::image::{Image, Metrics};
 use crate::scene::{
-    Crop, Fingerprint, LoadOptions, Needs, Scene, SceneFiles, load_reference, sample_counts, samples_of,
+    Crop, Fingerprint, LoadOptions, Needs, Scene, SceneFiles, load_reference, sample_counts,
+    samples_of,
 };
 
 /// A scene, rendered with more and with fewer samples.

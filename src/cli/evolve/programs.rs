@@ -1,11 +1,13 @@
 //! A search for programs, from scenes to filter files.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 
+use super::pace::Pace;
 use super::parameters::listing;
 use super::{BEST, CHECKPOINT, Evolve, HISTORY, SCENES, SUMMARY, record};
 use crate::backend::{Backend, Differentiator, Interpreter};
@@ -14,17 +16,18 @@ use crate::cli::error::Error;
 use crate::cli::log::Log;
 use crate::cli::measure::Measuring;
 use crate::cli::recall::Recall;
-use crate::cli::{interrupt, resolve, scenes};
+use crate::cli::{Report, interrupt, resolve, scenes};
+use crate::evolve;
 use crate::evolve::programs::{
     Checkpoint, Event, Finalist, Judge, Outcome, Row, SEED, Search, Settings, history, seed,
 };
 use crate::filter::{Filter, stages};
-use crate::image::{Metrics, write_atomically};
+use crate::image::{ImageError, Metrics, write_atomically};
 use crate::plan::Passes;
 use crate::report::chart::{Chart, Point, Series};
 use crate::report::{Align, Format, ScoreTable, Table, Total, number};
 use crate::scene::{LoadOptions, Needs};
-use crate::tune::{Checkpoints, Control, TuningScene};
+use crate::tune::{Causes, Checkpoints, Control, Ending, TuningScene};
 
 /// The folder of the programs of which none is better by all goals.
 const FRONT: &str = "front";
@@ -46,7 +49,7 @@ const COURSE: usize = 12;
 const PAUSE: Duration = Duration::from_secs(10);
 
 /// Runs a search; `settings` are those of a new one, and nothing for one that goes on.
-pub(super) fn run(command: &Evolve, settings: Option<Settings>, log: Log) -> Result<String, Error> {
+pub(super) fn run(command: &Evolve, settings: Option<Settings>, log: Log) -> Result<Report, Error> {
     match command.backend {
         Processor::Interp => {
             // What cannot be is said as everywhere.
@@ -67,7 +70,7 @@ fn run_on(
     settings: Option<Settings>,
     backend: &(impl Backend + Differentiator),
     log: Log,
-) -> Result<String, Error> {
+) -> Result<Report, Error> {
     if command.require_stable {
         return Err(Error::Usage(
             "--require-stable is of searches for weights (--preset weights or paper); of programs \
@@ -75,6 +78,7 @@ fn run_on(
                 .to_owned(),
         ));
     }
+    let _lock = command.claim()?;
     let checkpoint = match settings {
         Some(_) => None,
         None => Some(Checkpoint::read(&command.out.join(CHECKPOINT))?),
@@ -86,16 +90,13 @@ fn run_on(
         }
         (None, checkpoint) => {
             let checkpoint = checkpoint.as_ref().expect("it was read");
-            let mut settings = checkpoint.settings().clone();
-            command.parameters.apply(&mut settings)?;
+            let settings = command.told(checkpoint.settings().clone())?;
             (settings, checkpoint.initial().clone())
         }
     };
-    settings.validate()?;
     let (training, validation) = arguments(command)?;
     let load = |arguments: &[PathBuf]| load(arguments, &settings, &initial);
     let (scenes, judges) = (load(&training)?, load(&validation)?);
-    command.make_folder()?;
     let levels = |scenes: &[TuningScene]| scenes.iter().map(|s| s.levels.len()).sum::<usize>();
     log.say(format_args!(
         "breeding programs from `{}` on {} images of {}, trying them on {} of {}",
@@ -111,9 +112,11 @@ fn run_on(
         None => Search::new(initial, judge)?,
     };
     Recall::of(&training, &validation).write(&command.out.join(SCENES))?;
+    let stop = Arc::new(AtomicBool::new(false));
+    interrupt::raise(&stop, log, "stopping: the result is the best so far");
     let time_limit = command.max_time.map(|seconds| Duration::from_secs(seconds.into()));
     let control = Control {
-        stop: interrupt::flag(log, "stopping: the best so far is the result"),
+        stop: Arc::clone(&stop),
         time_limit,
         checkpoints: Some(Checkpoints {
             path: command.out.join(CHECKPOINT),
@@ -121,17 +124,34 @@ fn run_on(
         }),
     };
     let progress = Progress::new(log, settings.generations, time_limit);
-    let outcome = search.run(&control, &|event| progress.hear(event))?;
+    let provisional =
+        Provisional { settings: &settings, out: &command.out, causes: Mutex::default() };
+    let outcome = search.run(&control, &|event| {
+        if let Some(failure) = provisional.hear(event) {
+            progress.warn(format_args!(
+                "warning: {failure}; the search goes on without writing its best so far"
+            ));
+        }
+        progress.hear(event);
+    });
     progress.finish();
-    let begun = initial_of(search.checkpoint());
+    let outcome = outcome.map_err(|error| match error {
+        evolve::Error::Fitness { source, checkpoint: Some(checkpoint) } => {
+            Error::Interrupted { source, checkpoint }
+        }
+        other => other.into(),
+    })?;
     let judged_by = if validation.is_empty() { &training } else { &validation };
-    let scores = scores(&outcome, begun, judged_by, backend)?;
-    report(&command.out, &settings, &outcome, &scores, log)
-}
-
-fn initial_of(checkpoint: Checkpoint) -> Filter {
-    let initial = checkpoint.initial().clone();
-    Filter { name: format!("{}, as it was", initial.name), ..initial }
+    let scores = match outcome.ending {
+        Ending::Finished | Ending::TimeLimit => {
+            let begun = search.checkpoint().initial().clone();
+            let begun = Filter { name: format!("{}, as it was", begun.name), ..begun };
+            Some(scores(&outcome, begun, judged_by, backend)?)
+        }
+        // Whoever stops a search wants it to end.
+        Ending::Stopped => None,
+    };
+    Ok(report(&command.out, &settings, &outcome, scores.as_ref(), log))
 }
 
 /// The bred program and its rivals, on the scenes that nothing was bred on if there are any.
@@ -218,17 +238,18 @@ fn load(
     Ok(files.iter().map(scene).collect::<Result<_, crate::tune::Error>>()?)
 }
 
-/// Writes what was found, and says it.
+/// Writes what was found, as far as that can be done, and says it.
 fn report(
     out: &Path,
     settings: &Settings,
     outcome: &Outcome,
-    scores: &ScoreTable,
+    scores: Option<&ScoreTable>,
     log: Log,
-) -> Result<String, Error> {
+) -> Report {
+    let ending = record::ending(outcome.ending);
     let named = |finalist: &Finalist, name: &str| {
         let filter = Filter { name: name.to_owned(), ..finalist.judged.genome.filter().clone() };
-        filter.to_toml(training(settings, outcome, finalist))
+        filter.to_toml(training(settings, finalist, ending))
     };
     let mut files = vec![
         (out.join(BEST), named(&outcome.best, "best")),
@@ -237,36 +258,85 @@ fn report(
         (out.join(CHART), chart(outcome)),
     ];
     let folder = out.join(FRONT);
-    std::fs::create_dir_all(&folder).map_err(|source| Error::Folder {
-        path: folder.display().to_string(),
-        option: "--out",
-        source,
-    })?;
     for (finalist, number) in outcome.front.iter().zip(1..) {
         let name = format!("front-{number:02}");
         files.push((folder.join(format!("{name}.toml")), named(finalist, &name)));
     }
-    for (path, text) in &files {
-        write_atomically(path, text.as_bytes())?;
+    let mut good = true;
+    if let Err(source) = make_anew(&folder) {
+        let path = folder.display().to_string();
+        log.error(&Error::Folder { path, option: "--out", source });
+        good = false;
+        files.retain(|(path, _)| !path.starts_with(&folder));
     }
-    let names = [BEST, SUMMARY, HISTORY, CHART, CHECKPOINT].map(|name| out.join(name));
-    let names = names.map(|path| path.display().to_string());
-    log.say(format_args!("wrote {} and {}", names.join(", "), folder.display()));
+    let mut there: Vec<String> = Vec::new();
+    for (path, text) in &files {
+        match write_atomically(path, text.as_bytes()) {
+            Ok(()) if path.starts_with(&folder) => {}
+            Ok(()) => there.push(path.display().to_string()),
+            Err(error) => {
+                log.error(&error.into());
+                good = false;
+            }
+        }
+    }
+    log.say(format_args!("wrote {} and {}", there.join(", "), folder.display()));
     let best = &outcome.best;
-    Ok(format!(
-        "{}\n{}\n{}\nsearch {}: {} programs judged, {} given up\n",
+    let mut text = format!(
+        "{}\n{}\n",
         stages(&best.judged.genome.filter().check().expect("genomes make sense")),
         front(outcome, Format::Plain),
-        rivals(scores).render(Format::Plain),
-        record::ending(outcome.ending),
-        outcome.judged,
-        outcome.dropped,
-    ))
+    );
+    if let Some(scores) = scores {
+        text += &format!("{}\n", rivals(scores).render(Format::Plain));
+    }
+    text += &format!(
+        "search {ending}: {} programs judged, {} given up\n",
+        number::count(outcome.judged as usize),
+        number::count(outcome.dropped as usize),
+    );
+    Report { bytes: text.into_bytes(), good }
+}
+
+/// Makes a folder; the programs of an older run in it go.
+fn make_anew(folder: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if name.starts_with("front-") && name.ends_with(".toml") {
+            std::fs::remove_file(path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes the best so far and the course, for whoever's search is killed.
+struct Provisional<'a> {
+    settings: &'a Settings,
+    out: &'a Path,
+    causes: Mutex<Causes>,
+}
+
+impl Provisional<'_> {
+    /// Takes news in. Returns why a file cannot be written, the first time for each cause.
+    fn hear(&self, event: Event<'_>) -> Option<ImageError> {
+        let Event::Generation { rows, best } = event else { return None };
+        let mut causes = self.causes.lock().expect("nobody panics with it");
+        let best = Finalist { judged: best.clone(), validation: None, difference: None };
+        let filter = Filter { name: "best".to_owned(), ..best.judged.genome.filter().clone() };
+        let text = filter.to_toml(training(self.settings, &best, "under way"));
+        let written = write_atomically(&self.out.join(BEST), text.as_bytes());
+        let written = written.and_then(|()| {
+            write_atomically(&self.out.join(HISTORY), history::csv(rows).as_bytes())
+        });
+        written.err().filter(|error| causes.is_new(error))
+    }
 }
 
 /// The `[training]` table of a filter file. Nothing in it hangs on a clock or on the number of
 /// threads.
-fn training(settings: &Settings, outcome: &Outcome, finalist: &Finalist) -> toml::Table {
+fn training(settings: &Settings, finalist: &Finalist, ending: &str) -> toml::Table {
     let mut table = toml::Table::new();
     let mut put = |key: &str, value: toml::Value| table.insert(key.to_owned(), value);
     put("program", concat!("tamis ", env!("CARGO_PKG_VERSION")).into());
@@ -276,13 +346,13 @@ fn training(settings: &Settings, outcome: &Outcome, finalist: &Finalist) -> toml
         put("validation-rel-mse", rel_mse.into());
         put("validation-trimmed-rel-mse", trimmed.into());
     }
-    put("difference-from-exact", finalist.difference.into());
+    if let Some(difference) = finalist.difference {
+        put("difference-from-exact", difference.into());
+    }
     put("predicted-nanoseconds-per-pixel", finalist.judged.cost.into());
     put("nodes", (finalist.judged.genome.size() as i64).into());
     put("tuning-steps", i64::from(finalist.judged.steps).into());
-    put("ending", record::ending(outcome.ending).into());
-    put("programs-judged", (outcome.judged as i64).into());
-    put("programs-given-up", (outcome.dropped as i64).into());
+    put("ending", ending.into());
     put("parameters", toml::Value::try_from(settings).expect("settings are TOML"));
     table
 }
@@ -314,14 +384,14 @@ fn front(outcome: &Outcome, format: Format) -> String {
             format!("{:.0}", judged.cost),
             judged.genome.size().to_string(),
             judged.genome.filter().stages.len().to_string(),
-            number::difference(finalist.difference),
+            finalist.difference.map_or_else(dash, number::difference),
         ]);
     }
     table.render(format)
 }
 
 /// The summary of a run, for people: one Markdown page.
-fn summary(settings: &Settings, outcome: &Outcome, scores: &ScoreTable) -> String {
+fn summary(settings: &Settings, outcome: &Outcome, scores: Option<&ScoreTable>) -> String {
     let best = &outcome.best;
     let filter = best.judged.genome.filter();
     let checked = filter.check().expect("genomes make sense");
@@ -341,9 +411,11 @@ fn summary(settings: &Settings, outcome: &Outcome, scores: &ScoreTable) -> Strin
              once, the fastest first, and the result. RelMSE is of the validation scenes.\n\n";
     page += &front(outcome, Format::Markdown);
     page += &format!("\n![Predicted time against score]({CHART})\n");
-    page += "\n## Beside other filters\n\nGeometric means over the scenes that nothing was bred on \
-             (the training scenes, if there are none).\n\n";
-    page += &rivals(scores).render(Format::Markdown);
+    if let Some(scores) = scores {
+        page += "\n## Beside other filters\n\nGeometric means over the scenes that nothing was bred \
+                 on (the training scenes, if there are none).\n\n";
+        page += &rivals(scores).render(Format::Markdown);
+    }
     page += "\n## Course\n\n";
     page += &course(&outcome.history);
     page += "\n## Parameters\n\n";
@@ -433,8 +505,8 @@ struct Shown {
     first: Option<u32>,
     row: String,
     last_line: Option<Instant>,
-    /// How long the last generation took.
-    pace: Option<Duration>,
+    pace: Pace,
+    /// When the generation under way was begun.
     began: Instant,
 }
 
@@ -442,8 +514,13 @@ impl Progress {
     fn new(log: Log, generations: u32, time_limit: Option<Duration>) -> Self {
         let bar = log.bar(0);
         let started = Instant::now();
-        let state =
-            Shown { first: None, row: String::new(), last_line: None, pace: None, began: started };
+        let state = Shown {
+            first: None,
+            row: String::new(),
+            last_line: None,
+            pace: Pace::default(),
+            began: started,
+        };
         Self { log, bar, started, time_limit, generations, state: Mutex::new(state) }
     }
 
@@ -453,8 +530,14 @@ impl Progress {
             Event::Child { generation, judged, of } => {
                 self.show(&mut state, generation, judged as f64 / of.max(1) as f64);
             }
-            Event::Generation(row) => {
-                state.pace = Some(state.began.elapsed());
+            Event::NoCheckpoint(failure) => self.warn(format_args!(
+                "warning: {failure}; the search goes on, but cannot be resumed unless a later \
+                 checkpoint can be written"
+            )),
+            Event::Generation { rows, .. } => {
+                let row = rows.last().expect("it was just added");
+                let took = state.began.elapsed();
+                state.pace.add(took);
                 state.began = Instant::now();
                 state.row = format!("score {:.4}", row.best);
                 if !row.validation.is_nan() {
@@ -487,9 +570,8 @@ impl Progress {
         let first = *state.first.get_or_insert(generation);
         let done = f64::from(generation - first) + share;
         let all = f64::from((self.generations + 1).saturating_sub(first)).max(1.0);
-        // Programs grow, so that the last generation tells more than all of them.
-        let pace = state.pace.unwrap_or_else(|| self.started.elapsed().div_f64(done.max(1e-3)));
-        let mut left = pace.mul_f64((all - done).max(0.0));
+        let after = f64::from(self.generations.saturating_sub(generation));
+        let mut left = state.pace.left(after, share, state.began.elapsed());
         if let Some(limit) = self.time_limit {
             left = left.min(limit.saturating_sub(self.started.elapsed()));
         }
@@ -510,6 +592,13 @@ impl Progress {
                 self.log.say(text);
             }
             None => {}
+        }
+    }
+
+    fn warn(&self, warning: impl std::fmt::Display) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| self.log.warn(warning)),
+            None => self.log.warn(warning),
         }
     }
 

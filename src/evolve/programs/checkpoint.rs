@@ -10,14 +10,14 @@ use super::judge::Judged;
 use super::settings::Settings;
 use crate::evolve::{Error, encoding};
 use crate::filter::Filter;
-use crate::image::write_atomically;
+use crate::scene::Fingerprint;
+use crate::tune::{SealedError, read_sealed, write_sealed};
+
+/// What the layouts of all versions are called, but for a number.
+const KIND: &str = "tamis-programs-";
 
 /// The layout of the file; raised with every change to it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Format {
-    #[serde(rename = "tamis-programs-1")]
-    V1,
-}
+const FORMAT: &str = "tamis-programs-1";
 
 /// Everything that a search knows between two generations. Random numbers need no state:
 /// their streams are named.
@@ -27,6 +27,8 @@ pub struct Checkpoint {
     pub(super) initial: Filter,
     /// What it was told.
     pub(super) settings: Settings,
+    /// The pictures that it judges by.
+    pub(super) pictures: Vec<Fingerprint>,
     pub(super) state: State,
 }
 
@@ -49,10 +51,10 @@ pub(super) struct State {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
-    format: Format,
     /// As a filter file: its constants are the shortest decimals that read back to the same.
     initial: String,
     settings: Settings,
+    pictures: Vec<Fingerprint>,
     next: u32,
     population: Vec<Member>,
     history: Vec<Row>,
@@ -94,27 +96,21 @@ impl Checkpoint {
 
     /// Whether a file is a checkpoint of a search for programs, of any version.
     pub fn is_one(path: &Path) -> bool {
-        #[derive(Deserialize)]
-        struct Label {
-            format: String,
-        }
         let contents = std::fs::read(path).unwrap_or_default();
-        let label = serde_json::from_slice::<Label>(&contents);
-        label.is_ok_and(|label| label.format.starts_with("tamis-programs-"))
+        contents.starts_with(format!("{{\"format\":\"{KIND}").as_bytes())
     }
 
     /// Reads a checkpoint.
     ///
     /// # Errors
-    /// If the file cannot be read, or is none.
+    /// If the file cannot be read, is none or is damaged.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let contents =
-            std::fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
-        let refused = |source| Error::Checkpoint { path: path.to_owned(), source };
-        let written: Written = serde_json::from_slice(&contents).map_err(refused)?;
+        let written: Written = read_sealed(path, FORMAT)?;
         let parsed = |text: &str| {
-            Filter::parse(text, path)
-                .map_err(|error| refused(<serde_json::Error as serde::de::Error>::custom(error)))
+            Filter::parse(text, path).map_err(|error| SealedError::Content {
+                path: path.to_owned(),
+                source: serde::de::Error::custom(error),
+            })
         };
         let population = written.population.iter().map(|member| {
             let genome =
@@ -136,7 +132,8 @@ impl Checkpoint {
             validated: written.validated.map(|score| score.0),
             waiting: written.waiting,
         };
-        Ok(Self { initial: parsed(&written.initial)?, settings: written.settings, state })
+        let (settings, pictures) = (written.settings, written.pictures);
+        Ok(Self { initial: parsed(&written.initial)?, settings, pictures, state })
     }
 
     /// Writes it; a file of that name stays whole until the new one is.
@@ -154,9 +151,9 @@ impl Checkpoint {
             steps: judged.steps,
         };
         let written = Written {
-            format: Format::V1,
             initial: text(&self.initial),
             settings: self.settings.clone(),
+            pictures: self.pictures.clone(),
             next: *next,
             population: population.iter().map(member).collect(),
             history: history.clone(),
@@ -165,8 +162,6 @@ impl Checkpoint {
             validated: validated.map(Exact),
             waiting: *waiting,
         };
-        let json = serde_json::to_vec(&written)
-            .map_err(|source| Error::Checkpoint { path: path.to_owned(), source })?;
-        Ok(write_atomically(path, &json)?)
+        Ok(write_sealed(path, FORMAT, &written)?)
     }
 }

@@ -112,8 +112,7 @@ fn tail(draft: &mut Draft<'_>, other: &Filter) -> Option<()> {
             }
         };
         let taken = draft.filter.stages.iter().any(|known| known.name == stage.name);
-        let start = if matches!(kind, StageKind::Map(_)) { "value" } else { "pass" };
-        let name = if taken { draft.fresh(start) } else { stage.name.clone() };
+        let name = if taken { draft.fresh(&stage.name) } else { stage.name.clone() };
         draft.filter.stages.push(Stage { name, kind, grid: stage.grid });
         moved[k] = Some(at);
     }
@@ -163,7 +162,7 @@ fn carried(
                     let mut block = block.clone();
                     let taken = draft.filter.constants.layers.iter();
                     if taken.into_iter().any(|own| own.name == block.name) {
-                        block.name = draft.fresh("layer");
+                        block.name = draft.fresh(&block.name);
                     }
                     draft.filter.constants.layers.push(block);
                     draft.filter.constants.layers.len() - 1
@@ -211,7 +210,7 @@ fn param(draft: &mut Draft<'_>, wanted: &Param) -> Symbol {
         draft.filter.constants.params.push(wanted.clone());
         return Symbol::Param((draft.filter.constants.params.len() - 1) as u16);
     }
-    let own = draft.param(wanted.value, wanted.bounds);
+    let own = draft.param(&wanted.name, wanted.value, wanted.bounds);
     if let Symbol::Param(k) = own {
         draft.filter.constants.params[usize::from(k)].tuned = wanted.tuned;
     }

@@ -189,8 +189,11 @@ impl<'a> Draft<'a> {
         }
     }
 
-    /// A name that no stage and no constant has yet.
-    pub(super) fn fresh(&self, start: &str) -> String {
+    /// A name that no stage and no constant has yet: another one's with another number, or a
+    /// word with one.
+    pub(super) fn fresh(&self, like: &str) -> String {
+        let start = like.trim_end_matches(|c: char| c.is_ascii_digit());
+        let start = if start.len() == like.len() { format!("{like}_") } else { start.to_owned() };
         let stages = self.filter.stages.iter().map(|stage| stage.name.as_str());
         let params = self.filter.constants.params.iter().map(|param| param.name.as_str());
         let layers = self.filter.constants.layers.iter().map(|layer| layer.name.as_str());
@@ -199,9 +202,9 @@ impl<'a> Draft<'a> {
         names.find(|name| !taken.contains(&name.as_str())).expect("there are more numbers")
     }
 
-    /// A new constant that may be tuned.
-    pub(super) fn param(&mut self, value: f32, bounds: [f32; 2]) -> Symbol {
-        let name = self.fresh("k");
+    /// A new constant that may be tuned, with a name like another's.
+    pub(super) fn param(&mut self, like: &str, value: f32, bounds: [f32; 2]) -> Symbol {
+        let name = self.fresh(like);
         let value = value.clamp(bounds[0], bounds[1]);
         self.filter.constants.params.push(Param { name, value, bounds, tuned: true });
         Symbol::Param((self.filter.constants.params.len() - 1) as u16)
@@ -210,13 +213,13 @@ impl<'a> Draft<'a> {
     /// A positive one, of any magnitude.
     fn magnitude(&mut self) -> Symbol {
         let value = self.rng.random_range(-3.0f32..2.0).exp();
-        self.param(value, [1e-4, 1e3])
+        self.param("scale", value, [1e-4, 1e3])
     }
 
     /// One of either sign.
     pub(super) fn coefficient(&mut self) -> Symbol {
         let value = self.rng.random_range(-1.0f32..1.0);
-        self.param(value, [-20.0, 20.0])
+        self.param("factor", value, [-20.0, 20.0])
     }
 
     /// A new formula of so many components.

@@ -5,8 +5,8 @@ use crate::backend::reference::meaning;
 use crate::backend::{Backend, Differentiator, Rect};
 use crate::filter::Filter;
 use crate::plan::{Passes, Plan, PlanError, Program};
-use crate::scene::{Crop, Facts};
-use crate::tune::{self, Control, Score, Tuner, TuningScene, scores, stream};
+use crate::scene::{Crop, Facts, Fingerprint};
+use crate::tune::{self, Control, Score, Tuner, TuningScene, pictures, scores, stream};
 
 use super::genome::Genome;
 use super::settings::Settings;
@@ -89,6 +89,11 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
     /// What the search was told.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// The pictures that programs are judged by.
+    pub fn pictures(&self) -> Vec<Fingerprint> {
+        pictures(self.training, self.validation)
     }
 
     /// Whether there are scenes to validate on.

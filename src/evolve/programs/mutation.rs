@@ -293,8 +293,9 @@ fn with_own_constants(draft: &mut Draft<'_>, tree: &Tree) -> Tree {
         if let Symbol::Param(k) = symbol
             && !copies.iter().any(|&(known, _)| known == k)
         {
-            let Param { value, bounds, .. } = draft.filter.constants.params[usize::from(k)];
-            let copy = draft.param(value, bounds);
+            let Param { name, value, bounds, .. } =
+                draft.filter.constants.params[usize::from(k)].clone();
+            let copy = draft.param(&name, value, bounds);
             copies.push((k, copy));
         }
     }
@@ -376,7 +377,7 @@ fn add_pass(draft: &mut Draft<'_>) -> Option<()> {
         }
         _ => weight,
     };
-    let name = draft.fresh("pass");
+    let name = draft.fresh(&draft.filter.stages[at].name);
     let grid = draft.filter.stages[at].grid;
     let was_last = at + 1 == draft.filter.stages.len();
     let kind = StageKind::Gather(Gather { of, weight, window, variance });
@@ -453,8 +454,7 @@ fn copy_stage(draft: &mut Draft<'_>) -> Option<()> {
         StageKind::Map(value) => *value = with_own_constants(draft, value),
         StageKind::Gather(gather) => gather.weight = with_own_constants(draft, &gather.weight),
     }
-    let start = if matches!(stage.kind, StageKind::Map(_)) { "value" } else { "pass" };
-    stage.name = draft.fresh(start);
+    stage.name = draft.fresh(&stage.name);
     let width = draft.width(at) as u16;
     insert(draft, at + 1, stage);
     let new = Symbol::Stage(StageSignal { stage: at as u16 + 1, width, variance: false });
@@ -576,14 +576,14 @@ fn unlayer(draft: &mut Draft<'_>) -> Option<()> {
     else {
         return None;
     };
-    let Layer { weights, bias, .. } = draft.filter.constants.layers[usize::from(layer)].clone();
+    let Layer { name, weights, bias } = draft.filter.constants.layers[usize::from(layer)].clone();
     let mut by = Vec::new();
     for (row, &start) in weights.iter().zip(&bias) {
         let mut order: Vec<usize> = (0..row.len()).collect();
         order.sort_by(|&a, &b| row[b].abs().total_cmp(&row[a].abs()));
-        by.push(draft.param(start, [-20.0, 20.0]));
+        by.push(draft.param(&name, start, [-20.0, 20.0]));
         for &column in order.iter().take(KEPT) {
-            let factor = draft.param(row[column], [-20.0, 20.0]);
+            let factor = draft.param(&name, row[column], [-20.0, 20.0]);
             by.extend([input, Symbol::Part(column as u16), factor]);
             by.extend([Symbol::Op(Op::Mul), Symbol::Op(Op::Add)]);
         }

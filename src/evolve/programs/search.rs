@@ -10,12 +10,12 @@ use super::genome::{Genome, Shape};
 use super::history::Row;
 use super::judge::{Judge, Judged, Verdict};
 use super::selection::{Goals, crowding, lexicase, ranks, survivors, tournament};
-use super::settings::Settings;
 use crate::backend::{ACCURACY, Backend, Differentiator};
 use crate::evolve::Error;
 use crate::expr::feature::{Feature, Quantity};
 use crate::filter::Filter;
-use crate::tune::{self, Control, Ending, Stream, Watch, stream};
+use crate::scene::Fingerprint;
+use crate::tune::{self, Control, Ending, Keeper, Stream, Watch, stream};
 
 /// Share of the parents that are chosen by the scenes; the others by rank and room.
 const BY_SCENES: f64 = 0.7;
@@ -39,7 +39,14 @@ pub enum Event<'a> {
         of: usize,
     },
     /// A generation is complete.
-    Generation(&'a Row),
+    Generation {
+        /// The rows of all generations so far, its own the last.
+        rows: &'a [Row],
+        /// The program of the least error.
+        best: &'a Judged,
+    },
+    /// A checkpoint could not be written, for a cause that is new; the search goes on.
+    NoCheckpoint(&'a Error),
     /// The winner is tuned.
     Finish {
         /// By how many steps.
@@ -55,8 +62,21 @@ pub struct Finalist {
     /// On the validation scenes: the mean score, RelMSE, trimmed RelMSE; none without such
     /// scenes.
     pub validation: Option<[f64; 3]>,
-    /// How far what is computed is from exact.
-    pub difference: f64,
+    /// How far what is computed is from exact; none where a search was stopped before that
+    /// was found.
+    pub difference: Option<f64>,
+}
+
+impl Finalist {
+    /// What finalists are compared by: their score on the validation scenes, without any that
+    /// on the training scenes.
+    fn score(&self) -> f64 {
+        self.validation.map_or(self.judged.error, |[score, ..]| score)
+    }
+
+    fn is_accurate(&self) -> bool {
+        self.difference.is_some_and(|difference| difference <= TOLERANCE)
+    }
 }
 
 /// What a search found.
@@ -83,6 +103,7 @@ pub struct Search<'a, B> {
     initial: Genome,
     /// How far a stage of the filter that it begins with looks.
     reach: usize,
+    pictures: Vec<Fingerprint>,
     state: State,
 }
 
@@ -109,17 +130,22 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         let features = judge.settings().vocabulary()?;
         let initial = Genome::new(initial).expect("whoever has a filter has checked it");
         let reach = initial.filter().check().expect("genomes make sense").reach();
-        Ok(Self { judge, features, initial, reach, state: State::default() })
+        let pictures = judge.pictures();
+        Ok(Self { judge, features, initial, reach, pictures, state: State::default() })
     }
 
     /// A search that goes on from a checkpoint, and ends with what the search that wrote it
     /// would have ended with.
     ///
     /// # Errors
-    /// If the settings make no sense.
+    /// If the settings make no sense, or a picture is not what it was.
     pub fn resume(checkpoint: Checkpoint, judge: Judge<'a, B>) -> Result<Self, Error> {
-        let Checkpoint { initial, state, .. } = checkpoint;
-        Ok(Self { state, ..Self::new(initial, judge)? })
+        let Checkpoint { initial, pictures, state, .. } = checkpoint;
+        let fresh = Self::new(initial, judge)?;
+        if let Some(picture) = Fingerprint::first_changed(&pictures, &fresh.pictures) {
+            return Err(Error::Picture { picture: picture.to_owned() });
+        }
+        Ok(Self { state, ..fresh })
     }
 
     /// What there is to go on from.
@@ -127,36 +153,39 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         Checkpoint {
             initial: self.initial.filter().clone(),
             settings: self.judge.settings().clone(),
+            pictures: self.pictures.clone(),
             state: self.state.clone(),
         }
     }
 
-    /// Searches to the end, however that comes.
+    /// Searches to the end, however that comes. A checkpoint that cannot be written is told
+    /// and no reason to stop.
     ///
     /// # Errors
-    /// If the back end fails, or a checkpoint cannot be written.
+    /// If the back end fails.
     pub fn run(
         &mut self,
         control: &Control,
         hear: &(dyn Fn(Event<'_>) + Sync),
     ) -> Result<Outcome, Error> {
         let watch = Watch::start(control);
-        let ending = self.breed(&watch, control, hear)?;
-        self.save(control)?;
-        self.outcome(ending, hear)
+        let mut keeper = Keeper::new(control);
+        let bred = self.breed(&watch, &mut keeper, hear);
+        self.keep(&mut keeper, hear);
+        let ending = bred.map_err(|error| error.resumable(keeper.latest()))?;
+        self.outcome(ending, hear).map_err(|error| error.resumable(keeper.latest()))
     }
 
-    fn save(&self, control: &Control) -> Result<(), Error> {
-        match &control.checkpoints {
-            Some(checkpoints) => self.checkpoint().write(&checkpoints.path),
-            None => Ok(()),
+    fn keep(&self, keeper: &mut Keeper<'_>, hear: &(dyn Fn(Event<'_>) + Sync)) {
+        if let Some(error) = keeper.keep(|path| self.checkpoint().write(path)) {
+            hear(Event::NoCheckpoint(&error));
         }
     }
 
     fn breed(
         &mut self,
         watch: &Watch<'_>,
-        control: &Control,
+        keeper: &mut Keeper<'_>,
         hear: &(dyn Fn(Event<'_>) + Sync),
     ) -> Result<Ending, Error> {
         while self.state.next <= self.judge.settings().generations {
@@ -170,12 +199,9 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
                 return Ok(watch.ending().unwrap_or(Ending::Stopped));
             };
             self.settle(generation, &children, verdicts)?;
-            hear(Event::Generation(self.state.history.last().expect("it was just added")));
-            if let Some(checkpoints) = &control.checkpoints
-                && (generation == 0
-                    || checkpoints.interval > 0 && generation.is_multiple_of(checkpoints.interval))
-            {
-                self.save(control)?;
+            hear(Event::Generation { rows: &self.state.history, best: self.best_by_error() });
+            if keeper.is_due(generation) {
+                self.keep(keeper, hear);
             }
             let patience = self.judge.settings().patience;
             if patience > 0 && self.state.waiting >= patience {
@@ -356,33 +382,44 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         let population = &self.state.population;
         let goals: Vec<Goals> = population.iter().map(Judged::goals).collect();
         let ranks = ranks(&goals);
-        let members: Vec<&Judged> =
-            population.iter().zip(&ranks).filter(|&(_, &rank)| rank == 0).map(|(j, _)| j).collect();
-        let finalists = members
-            .par_iter()
-            .map(|judged| self.finalist((*judged).clone()))
-            .collect::<Result<Vec<Finalist>, tune::Error>>();
-        let mut front = finalists.map_err(Error::fitness)?;
+        let members = population.iter().zip(&ranks).filter(|&(_, &rank)| rank == 0);
+        let members: Vec<&Judged> = members.map(|(judged, _)| judged).collect();
+        let mut front = match ending {
+            Ending::Finished | Ending::TimeLimit => members
+                .par_iter()
+                .map(|judged| self.finalist((*judged).clone()))
+                .collect::<Result<Vec<Finalist>, tune::Error>>()
+                .map_err(Error::fitness)?,
+            // Whoever stops a search wants it to end: what is known is told.
+            Ending::Stopped => {
+                let known = |judged: &&Judged| Finalist {
+                    judged: (*judged).clone(),
+                    validation: None,
+                    difference: None,
+                };
+                members.iter().map(known).collect()
+            }
+        };
         front.sort_by(|a, b| {
             a.judged.cost.total_cmp(&b.judged.cost).then(a.judged.error.total_cmp(&b.judged.error))
         });
-        let score = |finalist: &Finalist| match finalist.validation {
-            Some([score, ..]) => score,
-            None => finalist.judged.error,
-        };
-        let accurate = front.iter().filter(|finalist| finalist.difference <= TOLERANCE);
-        let winner = accurate
-            .min_by(|a, b| score(a).total_cmp(&score(b)))
-            .or_else(|| front.iter().min_by(|a, b| a.difference.total_cmp(&b.difference)))
-            .expect("the population is not empty")
-            .clone();
+        let by_score = |a: &&Finalist, b: &&Finalist| a.score().total_cmp(&b.score());
+        let accurate = front.iter().filter(|finalist| finalist.is_accurate()).min_by(by_score);
+        let closest = |finalist: &Finalist| finalist.difference.unwrap_or(f64::INFINITY);
+        let winner = accurate.or_else(|| {
+            let by_difference = |a: &&Finalist, b: &&Finalist| {
+                closest(a).total_cmp(&closest(b)).then(by_score(a, b))
+            };
+            front.iter().min_by(by_difference)
+        });
+        let winner = winner.expect("the population is not empty").clone();
         let best = match ending {
             Ending::Finished => {
                 let steps = self.judge.settings().finish_steps;
                 hear(Event::Finish { steps });
                 let finished = self.finished(&winner).map_err(Error::fitness)?;
                 // What tuning made worse, or inaccurate, is not taken.
-                match score(&finished) < score(&winner) && finished.difference <= TOLERANCE {
+                match finished.score() < winner.score() && finished.is_accurate() {
                     true => finished,
                     false => winner,
                 }
@@ -404,7 +441,7 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
             true => Some(self.judge.validate(&judged.genome)?),
             false => None,
         };
-        let difference = self.judge.difference(&judged.genome)?;
+        let difference = Some(self.judge.difference(&judged.genome)?);
         Ok(Finalist { judged, validation, difference })
     }
 
@@ -415,13 +452,5 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
             Verdict::Judged(judged) => self.finalist(*judged),
             Verdict::Dropped | Verdict::Unfit => Ok(winner.clone()),
         }
-    }
-}
-
-impl Settings {
-    /// The settings with another number of generations, which a search that goes on may have.
-    #[must_use]
-    pub fn until(self, generations: u32) -> Self {
-        Self { generations, ..self }
     }
 }
