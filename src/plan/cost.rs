@@ -14,10 +14,10 @@ use crate::filter::Grid;
 pub struct Effort {
     /// Instructions of maps.
     pub mapped: f64,
-    /// Instructions of pairs, all taps together, and sums of channels.
+    /// Instructions of pairs, all taps together.
     pub paired: f64,
-    /// Taps of gathers, each with its own start and end.
-    pub taps: f64,
+    /// Numbers that pairs read, and sums that they are added to, all taps together.
+    pub loaded: f64,
     /// Numbers that maps and gathers write.
     pub written: f64,
     /// Numbers that kernels read.
@@ -26,23 +26,25 @@ pub struct Effort {
     pub averaged: f64,
     /// Numbers brought from one grid to the other.
     pub resampled: f64,
+    /// One: what every program takes to begin and to end.
+    pub fixed: f64,
 }
 
 impl Effort {
     /// Nanoseconds per unit of each term, on one core of an x86-64 processor with AVX-512.
-    const SHARES: [f64; 7] = [0.01, 0.038, 0.05, 1.75, 0.28, 2.0, 1.75];
+    const SHARES: [f64; 8] = [0.01, 0.02, 0.02, 1.0, 0.3, 4.0, 0.5, 2.0];
 
     /// The terms, in their order.
-    pub fn terms(&self) -> [f64; 7] {
-        let Self { mapped, paired, taps, written, read, averaged, resampled } = *self;
-        [mapped, paired, taps, written, read, averaged, resampled]
+    pub fn terms(&self) -> [f64; 8] {
+        let Self { mapped, paired, loaded, written, read, averaged, resampled, fixed } = *self;
+        [mapped, paired, loaded, written, read, averaged, resampled, fixed]
     }
 
     /// So much of it.
     fn times(self, share: f64) -> Self {
-        let [mapped, paired, taps, written, read, averaged, resampled] =
+        let [mapped, paired, loaded, written, read, averaged, resampled, fixed] =
             self.terms().map(|term| share * term);
-        Self { mapped, paired, taps, written, read, averaged, resampled }
+        Self { mapped, paired, loaded, written, read, averaged, resampled, fixed }
     }
 
     /// Both.
@@ -50,11 +52,12 @@ impl Effort {
         Self {
             mapped: self.mapped + other.mapped,
             paired: self.paired + other.paired,
-            taps: self.taps + other.taps,
+            loaded: self.loaded + other.loaded,
             written: self.written + other.written,
             read: self.read + other.read,
             averaged: self.averaged + other.averaged,
             resampled: self.resampled + other.resampled,
+            fixed: self.fixed + other.fixed,
         }
     }
 
@@ -74,7 +77,7 @@ impl Program {
             };
             effort(kernel).times(share)
         });
-        efforts.fold(Effort::default(), Effort::and)
+        efforts.fold(Effort { fixed: 1.0, ..Effort::default() }, Effort::and)
     }
 
     /// About how many nanoseconds the program takes per pixel, on one core of the machine that
@@ -93,12 +96,12 @@ fn effort(kernel: &Kernel) -> Effort {
         Kernel::Map(map) => Effort { mapped: instructions(&map.tape), written: writes, ..effort },
         Kernel::Gather(gather) => {
             let channels = gather.channels.len() + 1 + usize::from(gather.variance.is_some());
-            let (paired, taps) = pairs(&gather.pairs, channels);
-            Effort { paired, taps, written: writes, ..effort }
+            let (paired, loaded) = pairs(&gather.pairs, channels);
+            Effort { paired, loaded, written: writes, ..effort }
         }
         Kernel::Sum(sum) => {
-            let (paired, taps) = pairs(&sum.pairs, sum.writes.len());
-            Effort { paired, taps, written: writes, ..effort }
+            let (paired, loaded) = pairs(&sum.pairs, sum.writes.len());
+            Effort { paired, loaded, written: writes, ..effort }
         }
         Kernel::Box(_) => Effort { averaged: writes, ..effort },
         Kernel::Resample(_) => Effort { resampled: writes, ..effort },
@@ -106,12 +109,12 @@ fn effort(kernel: &Kernel) -> Effort {
     }
 }
 
-/// Instructions and taps of a loop over pairs.
+/// Instructions of a loop over pairs, and numbers that it reads and adds to.
 fn pairs(pairs: &PairLoop, sums: usize) -> (f64, f64) {
-    let taps: u32 = pairs.runs.iter().map(|run| run.count).sum();
-    let taps = f64::from(taps);
+    let taps = f64::from(pairs.runs.iter().map(|run| run.count).sum::<u32>());
     let ends = if pairs.mirrored { 2 } else { 1 };
-    (taps * (instructions(&pairs.pair) + (ends * sums) as f64), taps)
+    let loads = pairs.pair.inputs().count() + ends * sums;
+    (taps * instructions(&pairs.pair), taps * loads as f64)
 }
 
 /// Instructions of a tape; divisions and roots count for several.
@@ -119,7 +122,7 @@ fn instructions(tape: &Tape) -> f64 {
     let weight = |instr: &Instr| match instr {
         Instr::Prim(Prim::Div | Prim::Sqrt, _) => 4.0,
         Instr::Prim(..) => 1.0,
-        _ => 0.5,
+        Instr::Input(_) | Instr::Const(_) => 0.0,
     };
     tape.instrs().iter().map(weight).sum()
 }

@@ -207,7 +207,8 @@ fn errors_name_what_is_at_fault_and_leave_nothing_behind() {
     place.fails(1, &["compare", "room/4spp.exr", "missing.exr"], &["missing.exr"]);
     place.fails(1, &["inspect", "text.exr"], &["text.exr"]);
     place.fails(1, &["score", "--scenes", "nowhere"], &["nowhere", "NOISY.exr,REFERENCE.exr"]);
-    place.fails(1, &["evolve"], &["data/train"]);
+    place.fails(1, &["evolve"], &["data/corpus/train"]);
+    place.fails(1, &["evolve", "--preset", "weights"], &["data/train"]);
     place.fails(1, &["evolve", "--resume", "--scenes", "room"], &["checkpoint.json"]);
 }
 
@@ -263,7 +264,9 @@ fn a_wrong_command_line_is_told_from_failed_work() {
     let onto_itself = ["denoise", "room/4spp.exr", "-o", "room/../room/4spp.exr"];
     place.fails(2, &onto_itself, &["4spp.exr", "input"]);
     place.fails(2, &["denoise", "room/4spp.exr", "-o", "out.jpg"], &["out.jpg", ".png"]);
-    place.fails(2, &["evolve", "--scenes", "room", "--crossover", "0.9"], &["add up to 1"]);
+    let weights = ["evolve", "--preset", "weights", "--scenes", "room"];
+    place.fails(2, &[&weights[..], &["--crossover", "0.9"]].concat(), &["add up to 1"]);
+    place.fails(2, &["evolve", "--scenes", "room", "--crossover", "0.9"], &["crossover + polish"]);
     place.fails(2, &["evolve", "--scenes", "room", "--islands", "no"], &["--islands"]);
     place.fails(2, &["evolve", "--resume", "--seed", "3"], &["--seed"]);
     assert_eq!(place.run(&["--help"]).status.code(), Some(0));

@@ -8,8 +8,10 @@ use std::process::{Child, ChildStderr, Command, Stdio};
 use crate::place::{CLEAN, NOISY, Place, json, stderr, write_exr};
 
 /// A search of a few seconds at most.
-const TINY: [&str; 10] = [
+const TINY: [&str; 12] = [
     "evolve",
+    "--preset",
+    "weights",
     "--scenes",
     "room",
     "--radius",
@@ -223,7 +225,8 @@ fn what_is_out_of_bounds_is_refused_before_anything_is_read() {
         ("--threads", "1000000", "--threads"),
         ("--threads", "0", "--threads"),
     ] {
-        let mut arguments = vec!["evolve", "--scenes", "nowhere", "--out", "out"];
+        let mut arguments = vec!["evolve", "--preset", "weights", "--scenes", "nowhere"];
+        arguments.extend(["--out", "out"]);
         if flag != "--island-size" {
             arguments.extend(["--island-size", "6"]);
         }
@@ -275,7 +278,7 @@ fn a_search_replaces_no_other_by_accident() {
     let none = ["--generations", "0"];
     place.done(&tiny("out", &none));
     place.fails(1, &tiny("out", &none), &["out", "--resume", "--out", "--overwrite"]);
-    place.fails(2, &tiny("out", &["--resume", "--overwrite"]), &["--overwrite"]);
+    place.fails(2, &["evolve", "--resume", "--overwrite"], &["--overwrite"]);
     place.done(&tiny("out", &["--generations", "0", "--overwrite"]));
     place.done(&tiny("other", &none));
     // Scenes that are given are checked.
@@ -312,4 +315,88 @@ fn a_search_lets_only_stable_filters_win_if_asked_to() {
     let resume = ["evolve", "--scenes", "room", "--out", "out", "--resume", "--generations", "2"];
     place.fails(1, &resume, &["stable only"]);
     place.done(&[&resume[..], &["--require-stable"]].concat());
+}
+
+/// A search for programs of a few seconds.
+fn programs<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut arguments = vec!["evolve", "--scenes", "room", "--validate", "room", "--out", out];
+    arguments.extend(["--population", "5", "--children", "5", "--tune-steps", "2", "--crop", "8"]);
+    arguments.extend(["--exam", "8", "--finish-steps", "3", "--interval", "1"]);
+    arguments.extend(more);
+    arguments
+}
+
+#[test]
+fn a_search_finds_the_same_programs_however_it_is_run() {
+    let place = Place::new();
+    let text = place.done(&programs("one", &["--generations", "3", "--threads", "1"]));
+    for said in ["front-01", "kan2017", "seed, as it was", "search finished"] {
+        assert!(text.contains(said), "{text}");
+    }
+    place.done(&programs("two", &["--generations", "3", "--threads", "2"]));
+    place.done(&programs("resumed", &["--generations", "1"]));
+    place.done(&["evolve", "--out", "resumed", "--resume", "--generations", "3"]);
+    for file in ["best.toml", "history.csv", "front/front-01.toml", "summary.md", "front.svg"] {
+        let bytes = place.bytes(&format!("one/{file}"));
+        assert!(place.bytes(&format!("two/{file}")) == bytes, "{file} with two threads");
+        assert!(place.bytes(&format!("resumed/{file}")) == bytes, "{file} after a resume");
+    }
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", "one/best.toml"]);
+    assert_eq!(training(&place, "one/best.toml")["ending"].as_str(), Some("finished"));
+
+    // No program of an older run is left beside those of a new one.
+    std::fs::write(place.path("one/front/front-99.toml"), "old").expect("writable");
+    std::fs::write(place.path("one/front/mine.toml"), "mine").expect("writable");
+    place.done(&programs("one", &["--generations", "0", "--overwrite"]));
+    assert!(!place.path("one/front/front-99.toml").exists());
+    assert!(place.path("one/front/mine.toml").exists());
+}
+
+#[test]
+fn what_a_search_for_programs_cannot_be_told_is_refused_by_name() {
+    let place = Place::new();
+    place.fails(2, &programs("out", &["--islands", "3"]), &["--islands", "`weights`"]);
+    place.fails(2, &tiny("out", &["--population", "9"]), &["--population", "`quick`"]);
+    place.fails(2, &tiny("out", &["--validate", "room"]), &["--validate", "programs"]);
+    place.fails(2, &programs("out", &["--require-stable"]), &["--require-stable", "stress"]);
+    place.fails(2, &programs("out", &["--population", "1000000000"]), &["population"]);
+    place.fails(2, &programs("out", &["--features", "colour"]), &["colour"]);
+    place.fails(2, &programs("out", &["--initial", "tamos"]), &["tamos", "tamis-formula"]);
+    assert!(!place.path("out/checkpoint.json").exists());
+
+    place.done(&programs("done", &["--generations", "0"]));
+    place.fails(1, &programs("done", &["--generations", "0"]), &["--overwrite"]);
+    place.fails(2, &["evolve", "--out", "done", "--resume", "--seed", "3"], &["--seed"]);
+    let resume = ["evolve", "--out", "done", "--resume", "--generations", "1"];
+    let mut noisy = NOISY;
+    noisy[3].1 = |x, _| if x < 12 { 0.999 } else { 0.0 };
+    write_exr(&place.path("room/4spp.exr"), &noisy);
+    place.fails(1, &resume, &["the noisy image of `room`", "start anew"]);
+    write_exr(&place.path("room/4spp.exr"), &NOISY);
+    let mut bytes = place.bytes("done/checkpoint.json");
+    let at = bytes.len() / 2;
+    bytes[at] ^= 1;
+    std::fs::write(place.path("done/checkpoint.json"), bytes).expect("writable");
+    place.fails(1, &resume, &["done/checkpoint.json", "damaged"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_search_for_programs_leaves_its_best_and_goes_on() {
+    let place = Place::new();
+    let mut command = place.program(&programs("out", &["--generations", "100000"]));
+    let mut child =
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let mut log = BufReader::new(child.stderr.take().expect("it is piped")).lines();
+    let begun = log.by_ref().map(|line| line.expect("UTF-8")).any(|l| l.starts_with("generation"));
+    assert!(begun, "it ended before its first generation");
+    assert_eq!(training(&place, "out/best.toml")["ending"].as_str(), Some("under way"));
+    send("-INT", &child);
+    let said: Vec<String> = log.map(|line| line.expect("UTF-8")).collect();
+    let output = child.wait_with_output().expect("the program ends");
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    assert!(output.status.success() && text.contains("stopped by the user"), "{text} {said:?}");
+    place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", "out/best.toml"]);
+    let more = ["evolve", "--out", "out", "--resume", "--max-time", "1"];
+    assert!(place.done(&more).contains("stopped by the time limit"));
 }

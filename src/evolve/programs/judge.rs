@@ -3,9 +3,10 @@
 
 use crate::backend::reference::meaning;
 use crate::backend::{Backend, Differentiator, Rect};
+use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::filter::Filter;
 use crate::plan::{Passes, Plan, PlanError, Program};
-use crate::scene::{Crop, Facts, Fingerprint};
+use crate::scene::{Crop, Fact, Facts, Fingerprint};
 use crate::tune::{self, Control, Score, Tuner, TuningScene, pictures, scores, stream};
 
 use super::genome::Genome;
@@ -94,6 +95,11 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
     /// The pictures that programs are judged by.
     pub fn pictures(&self) -> Vec<Fingerprint> {
         pictures(self.training, self.validation)
+    }
+
+    /// Whether every training scene has a quantity of a feature.
+    pub fn has(&self, (feature, quantity): (Feature, Quantity)) -> bool {
+        PlaneId::of(feature, quantity).all(|plane| self.facts.get(plane) != Fact::Absent)
     }
 
     /// Whether there are scenes to validate on.

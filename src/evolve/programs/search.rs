@@ -127,7 +127,9 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
     /// If the filter makes no sense.
     pub fn new(initial: Filter, judge: Judge<'a, B>) -> Result<Self, Error> {
         judge.settings().validate()?;
-        let features = judge.settings().vocabulary()?;
+        let mut features = judge.settings().vocabulary()?;
+        // New formulas read nothing that a scene lacks.
+        features.retain(|&term| judge.has(term));
         let initial = Genome::new(initial).expect("whoever has a filter has checked it");
         let reach = initial.filter().check().expect("genomes make sense").reach();
         let pictures = judge.pictures();
