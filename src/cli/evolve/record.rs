@@ -117,13 +117,14 @@ pub(super) fn report(origin: &Origin<'_>, outcome: &Outcome, out: &Path) -> Stri
                 "Not all finalists were compared with their exact meanings that had to be.\n"
             }
         };
-        if let Some(generation) = generations(outcome) {
-            let _ = writeln!(
+        let out = out.display();
+        let _ = match generations(outcome) {
+            Some(generation) => writeln!(
                 text,
-                "`tamis evolve --resume --generations {generation} --out {}` does that and no more.",
-                out.display()
-            );
-        }
+                "`tamis evolve --resume --generations {generation} --out {out}` does that and no more."
+            ),
+            None => writeln!(text, "`tamis evolve --resume --out {out}` goes on."),
+        };
     }
     if let Some(scores) = origin.scores {
         text.push('\n');

@@ -108,24 +108,14 @@ impl Evolve {
             log.warn(format_args!("warning: no finalist is stable; of the result: {objection}"));
         }
         let filter = Filter::single("best", best.tree.clone(), settings.radius);
-        let mut good = true;
-        let scores = match stop.load(Ordering::Relaxed) {
-            true => None,
-            false => match scores(&filter, &settings, &backend, &files) {
-                // Somebody asked to stop while it was made.
-                Ok(_) if stop.load(Ordering::Relaxed) => None,
-                Ok(scores) => Some(scores),
-                Err(error) => {
-                    log.error(&error);
-                    good = false;
-                    None
-                }
-            },
-        };
-        origin.scores = scores.as_ref();
-        good &= self.write(&origin, &outcome, &filter, kept, log);
+        let scores = scores(&filter, &settings, &backend, &files, &stop);
+        if let Err(error) = &scores {
+            log.error(error);
+        }
+        origin.scores = scores.as_ref().ok().and_then(Option::as_ref);
+        let written = self.write(&origin, &outcome, &filter, kept, log);
         let bytes = record::report(&origin, &outcome, &self.out).into_bytes();
-        Ok(Report { bytes, good })
+        Ok(Report { bytes, good: written && scores.is_ok() })
     }
 
     /// The scenes to breed on, as arguments.
@@ -329,18 +319,32 @@ fn begin_with_what_is_there(settings: &mut Settings, log: Log) {
     }
 }
 
-/// The bred filter and its rivals on the training scenes, all at one radius.
+/// The bred filter and its rivals on the training scenes, all at one radius; none if somebody
+/// asks to stop.
 fn scores(
     best: &Filter,
     settings: &Settings,
     backend: &dyn Backend,
     files: &[SceneFiles],
-) -> Result<ScoreTable, Error> {
+    stop: &AtomicBool,
+) -> Result<Option<ScoreTable>, Error> {
     let mut filters = vec![best.clone()];
     for name in RIVALS {
         filters.push(resolve::resolve(name, Some(settings.radius))?);
     }
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
     let measuring = Measuring { backend, passes: Passes::ALL, options: LoadOptions::default() };
     // What there is to say of the scenes was said when the search loaded them.
-    measuring.table(files, &filters, Total::Sum, Log::new(true))
+    let measure = |files| measuring.table(files, &filters, Total::Sum, Log::new(true));
+    let mut table = measure(&[])?;
+    for scene in files {
+        table.scenes.extend(measure(std::slice::from_ref(scene))?.scenes);
+        // A filter that was stopped counts as one that cannot run.
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+    }
+    Ok(Some(table))
 }
