@@ -78,10 +78,15 @@ fn a_search_leaves_out_what_its_scenes_lack() {
     assert!(file.contains("\"worldPosition\"") && !file.contains("\"normal\""), "{file}");
 }
 
-/// A search that is under way: the initial population is judged.
 #[cfg(unix)]
 fn under_way(place: &Place, out: &str) -> Child {
-    let mut command = place.program(&tiny(out, &["--generations", "1000000"]));
+    started(place, &tiny(out, &["--generations", "1000000"]), out)
+}
+
+/// A search that is under way: the initial population is judged.
+#[cfg(unix)]
+fn started(place: &Place, arguments: &[&str], out: &str) -> Child {
+    let mut command = place.program(arguments);
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
     let start = Instant::now();
     while !place.path(&format!("{out}/best.toml")).exists() {
@@ -386,18 +391,13 @@ fn what_a_search_for_programs_cannot_be_told_is_refused_by_name() {
 #[test]
 fn an_interrupted_search_for_programs_leaves_its_best_and_goes_on() {
     let place = Place::new();
-    let mut command = place.program(&programs("out", &["--generations", "100000"]));
-    let mut child =
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
-    let mut log = BufReader::new(child.stderr.take().expect("it is piped")).lines();
-    let begun = log.by_ref().map(|line| line.expect("UTF-8")).any(|l| l.starts_with("generation"));
-    assert!(begun, "it ended before its first generation");
+    let child = started(&place, &programs("out", &["--generations", "100000"]), "out");
     assert_eq!(training(&place, "out/best.toml")["ending"].as_str(), Some("under way"));
     send("-INT", &child);
-    let said: Vec<String> = log.map(|line| line.expect("UTF-8")).collect();
     let output = child.wait_with_output().expect("the program ends");
+    let said = stderr(&output);
     let text = String::from_utf8(output.stdout).expect("UTF-8");
-    assert!(output.status.success() && text.contains("stopped by the user"), "{text} {said:?}");
+    assert!(output.status.success() && text.contains("stopped by the user"), "{text} {said}");
     place.done(&["denoise", "room/4spp.exr", "-o", "out.exr", "--filter", "out/best.toml"]);
     let more = ["evolve", "--out", "out", "--resume", "--max-time", "1"];
     assert!(place.done(&more).contains("stopped by the time limit"));
