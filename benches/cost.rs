@@ -10,10 +10,11 @@
 //! Machines differ by a factor, which is taken out; what is left is told program by program. At the end stand the shares that would fit these
 //! measurements best: `plan/cost.rs` has those of the machine in `benches/RESULTS.md`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
+use serde_json::{Value, json};
 use tamis::backend::{Backend, Executable, Jit, Rect};
 use tamis::evolve::programs::{Genome, Settings, seed};
 use tamis::filter::{Filter, shipped};
@@ -40,6 +41,10 @@ struct Arguments {
     /// Width and height of the frame
     #[arg(long, default_value = "512x288")]
     size: String,
+
+    /// Where the terms and times of all programs go as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 
     /// Given by cargo; without it this only checks that the bench runs
     #[arg(long)]
@@ -109,6 +114,15 @@ fn main() {
         ratios.len(),
         1.0 / factor
     );
+    if let Some(path) = &arguments.json {
+        let program = |(entry, &nanoseconds): (&Entry, &f64)| {
+            let terms = entry.effort.terms();
+            json!({"program": entry.name, "terms": terms, "nanoseconds": nanoseconds})
+        };
+        let programs: Vec<Value> = entries.iter().zip(&measured).map(program).collect();
+        let text = serde_json::to_string_pretty(&programs).expect("numbers and names");
+        std::fs::write(path, text + "\n").expect("the file can be written");
+    }
     let terms: Vec<Vec<f64>> = entries.iter().map(|e| e.effort.terms().to_vec()).collect();
     println!("shares that fit best: {:.4?}", fitted(&terms, &measured));
 }

@@ -171,24 +171,27 @@ fn scores(
     measuring.table(&scenes::find(scenes)?, &filters, Total::GeometricMean, Log::new(true))
 }
 
-/// Filters with their errors, as means over the scenes.
+/// Filters with their errors, as means over the scenes; of those that cannot run on one, none.
 fn rivals(scores: &ScoreTable) -> Table {
     let mut table = Table::new([
         ("filter", Align::Left),
         ("RelMSE", Align::Right),
         ("without the worst 0.1%", Align::Right),
     ]);
-    let mut row = |name: &str, metrics: Vec<&Metrics>| {
+    let row = |table: &mut Table, name: &str, metrics: Vec<&Metrics>| {
         let mean = |figure: fn(&Metrics) -> f64| {
             number::error(Total::GeometricMean.of(metrics.iter().map(|metrics| figure(metrics))))
         };
         table.row([name.to_owned(), mean(|m| m.rel_mse), mean(|m| m.trimmed_rel_mse)]);
     };
-    row("none: as rendered", scores.scenes.iter().map(|score| &score.noisy).collect());
+    row(&mut table, "none: as rendered", scores.scenes.iter().map(|score| &score.noisy).collect());
     for (k, name) in scores.filters.iter().enumerate() {
         let measured = scores.scenes.iter().map(|score| score.filters[k].as_ref());
-        if let Ok(measured) = measured.collect::<Result<Vec<_>, _>>() {
-            row(name, measured.into_iter().map(|measured| &measured.metrics).collect());
+        match measured.collect::<Result<Vec<_>, _>>() {
+            Ok(measured) => {
+                row(&mut table, name, measured.iter().map(|measured| &measured.metrics).collect())
+            }
+            Err(_) => table.row([name.as_str(), "-", "-"].map(str::to_owned)),
         }
     }
     table
