@@ -1,6 +1,9 @@
 //! How programs are judged: tuned for a few steps on parts of the training scenes, and then
 //! scored on a fixed part of each.
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
 use crate::backend::reference::meaning;
 use crate::backend::{Backend, Differentiator, Rect};
 use crate::expr::feature::{Feature, PlaneId, Quantity};
@@ -114,7 +117,8 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
         Some(Program::new(&checked, &self.facts, Passes::ALL).ok()?.cost())
     }
 
-    /// Judges a program after tuning it by some steps; `name` names the random numbers.
+    /// Judges a program after tuning it by some steps; `name` names the random numbers. Once
+    /// `stop` is raised, what it gives means nothing.
     ///
     /// # Errors
     /// If the back end fails.
@@ -125,6 +129,7 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
         steps: u32,
         bar: Bar<'_>,
         name: [usize; 2],
+        stop: &Arc<AtomicBool>,
     ) -> Result<Verdict, tune::Error> {
         match self.cost(genome.filter()) {
             Some(cost) if cost <= self.settings.max_cost => {}
@@ -137,7 +142,7 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
         }
         let genome = match steps {
             0 => genome.clone(),
-            _ => self.tuned(genome, steps, &self.tuning(steps, name), &[])?,
+            _ => self.tuned(genome, &self.tuning(steps, name), &[], stop)?,
         };
         let scores = self.scores(genome.filter(), &self.exam)?;
         let scores: Vec<f64> = scores.iter().map(|score| score.score).collect();
@@ -177,11 +182,16 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
         scores(filter, scenes, self.settings.loss, self.backend)
     }
 
-    /// The winner, tuned further, with the constants that are best on the validation scenes.
+    /// The winner, tuned further until `stop` is raised, with the constants that are best on the
+    /// validation scenes.
     ///
     /// # Errors
     /// If the back end fails.
-    pub fn finished(&self, genome: &Genome) -> Result<Genome, tune::Error> {
+    pub fn finished(
+        &self,
+        genome: &Genome,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Genome, tune::Error> {
         let steps = self.settings.finish_steps;
         if steps == 0 {
             return Ok(genome.clone());
@@ -192,7 +202,7 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
             batch: self.settings.batch.max(4),
             ..self.tuning(steps, [usize::MAX, 0])
         };
-        self.tuned(genome, steps, &tuning, self.validation)
+        self.tuned(genome, &tuning, self.validation, stop)
     }
 
     fn tuning(&self, steps: u32, [generation, index]: [usize; 2]) -> tune::Settings {
@@ -216,11 +226,10 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
     fn tuned(
         &self,
         genome: &Genome,
-        steps: u32,
         settings: &tune::Settings,
         validation: &[TuningScene],
+        stop: &Arc<AtomicBool>,
     ) -> Result<Genome, tune::Error> {
-        debug_assert_eq!(steps, settings.steps);
         let filter = genome.filter().clone();
         let tuner = Tuner::new(filter, settings.clone(), self.training, validation, self.backend);
         let mut tuner = match tuner {
@@ -228,7 +237,7 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
             Err(tune::Error::NoConstants(_)) => return Ok(genome.clone()),
             Err(error) => return Err(error),
         };
-        let outcome = tuner.run(&Control::default(), &mut |_| {})?;
+        let outcome = tuner.run(&Control { stop: Arc::clone(stop), ..Control::default() }, &mut |_| {})?;
         Ok(genome.with_constants_of(&outcome.filter))
     }
 

@@ -1,6 +1,8 @@
 //! The search itself: generation after generation.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use rand::RngExt;
 use rayon::prelude::*;
@@ -172,10 +174,10 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
     ) -> Result<Outcome, Error> {
         let watch = Watch::start(control);
         let mut keeper = Keeper::new(control);
-        let bred = self.breed(&watch, &mut keeper, hear);
+        let bred = self.breed(&watch, &control.stop, &mut keeper, hear);
         self.keep(&mut keeper, hear);
         let ending = bred.map_err(|error| error.resumable(keeper.latest()))?;
-        self.outcome(ending, hear).map_err(|error| error.resumable(keeper.latest()))
+        self.outcome(ending, &control.stop, hear).map_err(|error| error.resumable(keeper.latest()))
     }
 
     fn keep(&self, keeper: &mut Keeper<'_>, hear: &(dyn Fn(Event<'_>) + Sync)) {
@@ -187,17 +189,17 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
     fn breed(
         &mut self,
         watch: &Watch<'_>,
+        stop: &Arc<AtomicBool>,
         keeper: &mut Keeper<'_>,
         hear: &(dyn Fn(Event<'_>) + Sync),
     ) -> Result<Ending, Error> {
         while self.state.next <= self.judge.settings().generations {
-            let begun = !self.state.population.is_empty();
-            if let Some(ending) = watch.ending().filter(|_| begun) {
+            if let Some(ending) = watch.ending() {
                 return Ok(ending);
             }
             let generation = self.state.next;
             let children = self.children(generation);
-            let Some(verdicts) = self.judged(generation, &children, watch, hear)? else {
+            let Some(verdicts) = self.judged(generation, &children, watch, stop, hear)? else {
                 return Ok(watch.ending().unwrap_or(Ending::Stopped));
             };
             self.settle(generation, &children, verdicts)?;
@@ -298,21 +300,20 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         generation: u32,
         children: &[Child],
         watch: &Watch<'_>,
+        stop: &Arc<AtomicBool>,
         hear: &(dyn Fn(Event<'_>) + Sync),
     ) -> Result<Option<Vec<Verdict>>, Error> {
         let worst = self.state.population.iter().max_by(|a, b| a.error.total_cmp(&b.error));
         let bar = worst.map(|judged| &judged.scores[..]);
-        let done = std::sync::atomic::AtomicUsize::new(0);
-        let first = self.state.population.is_empty();
+        let done = AtomicUsize::new(0);
         let judge = |(index, child): (usize, &Child)| {
-            // At least the first generation is judged, so that there is something to show.
-            if !first && watch.ending().is_some() {
+            if watch.ending().is_some() {
                 return Ok(None);
             }
             let bar = bar.filter(|_| child.polishes.is_none());
             let name = [generation as usize, index];
             let verdict = self.judge.judge(&child.genome, child.earlier, child.steps, bar, name)?;
-            let judged = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            let judged = 1 + done.fetch_add(1, Ordering::Relaxed);
             hear(Event::Child { generation, judged, of: children.len() });
             Ok(Some(verdict))
         };
@@ -419,7 +420,7 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
             Ending::Finished => {
                 let steps = self.judge.settings().finish_steps;
                 hear(Event::Finish { steps });
-                let finished = self.finished(&winner).map_err(Error::fitness)?;
+                let finished = self.finished(&winner, stop).map_err(Error::fitness)?;
                 // What tuning made worse, or inaccurate, is not taken.
                 match finished.score() < winner.score() && finished.is_accurate() {
                     true => finished,
@@ -447,10 +448,27 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         Ok(Finalist { judged, validation, difference })
     }
 
-    fn finished(&self, winner: &Finalist) -> Result<Finalist, tune::Error> {
-        let genome = self.judge.finished(&winner.judged.genome)?;
+    /// The filter that the search begins with.
+    fn as_begun(&self) -> Result<Judged, tune::Error> {
+        let judged = self.judge.judge(&self.initial, 0, 0, None, [0, 0], &Arc::default())?;
+        match judged {
+            Verdict::Judged(judged) => Ok(*judged),
+            Verdict::Dropped | Verdict::Unfit => {
+                let (scores, cost) = (vec![f64::INFINITY], f64::INFINITY);
+                let genome = self.initial.clone();
+                Ok(Judged { genome, scores, error: f64::INFINITY, cost, steps: 0 })
+            }
+        }
+    }
+
+    fn finished(
+        &self,
+        winner: &Finalist,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Finalist, tune::Error> {
+        let genome = self.judge.finished(&winner.judged.genome, stop)?;
         let steps = winner.judged.steps + self.judge.settings().finish_steps;
-        match self.judge.judge(&genome, steps, 0, None, [0, 0])? {
+        match self.judge.judge(&genome, steps, 0, None, [0, 0], &Arc::default())? {
             Verdict::Judged(judged) => self.finalist(*judged),
             Verdict::Dropped | Verdict::Unfit => Ok(winner.clone()),
         }
