@@ -187,11 +187,7 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
     ///
     /// # Errors
     /// If the back end fails.
-    pub fn finished(
-        &self,
-        genome: &Genome,
-        stop: &Arc<AtomicBool>,
-    ) -> Result<Genome, tune::Error> {
+    pub fn finished(&self, genome: &Genome, stop: &Arc<AtomicBool>) -> Result<Genome, tune::Error> {
         let steps = self.settings.finish_steps;
         if steps == 0 {
             return Ok(genome.clone());
@@ -237,7 +233,8 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
             Err(tune::Error::NoConstants(_)) => return Ok(genome.clone()),
             Err(error) => return Err(error),
         };
-        let outcome = tuner.run(&Control { stop: Arc::clone(stop), ..Control::default() }, &mut |_| {})?;
+        let outcome =
+            tuner.run(&Control { stop: Arc::clone(stop), ..Control::default() }, &mut |_| {})?;
         Ok(genome.with_constants_of(&outcome.filter))
     }
 

@@ -461,11 +461,7 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         }
     }
 
-    fn finished(
-        &self,
-        winner: &Finalist,
-        stop: &Arc<AtomicBool>,
-    ) -> Result<Finalist, tune::Error> {
+    fn finished(&self, winner: &Finalist, stop: &Arc<AtomicBool>) -> Result<Finalist, tune::Error> {
         let genome = self.judge.finished(&winner.judged.genome, stop)?;
         let steps = winner.judged.steps + self.judge.settings().finish_steps;
         match self.judge.judge(&genome, steps, 0, None, [0, 0], &Arc::default())? {
