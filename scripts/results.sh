@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the tables of errors and the README's picture: breeds a filter with the quick preset
-# (a minute on two cores) and scores it beside the named ones.
+# (two to three minutes on two cores) and scores it beside the named ones.
 #
 #   scripts/results.sh [SCENES...]
 #

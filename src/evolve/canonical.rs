@@ -77,7 +77,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_canonical_tree_means_the_same(seed in 0..u64::MAX) {
-            let settings = Preset::Quick.settings();
+            let settings = Preset::Weights.settings();
             let materials = Materials::new(&settings).unwrap();
             let mut rng = stream(seed, 0, 0, 0);
             let mut tree = materials.initial().clone();

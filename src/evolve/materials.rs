@@ -83,7 +83,7 @@ mod tests {
     fn what_is_forbidden_never_appears() {
         let settings = Settings {
             forbidden: ["secTexture", "cVariance", "tGradient"].map(str::to_owned).into(),
-            ..Preset::Quick.settings()
+            ..Preset::Weights.settings()
         };
         let materials = Materials::new(&settings).unwrap();
         let mut rng = stream(1, 0, 0, 0);
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn an_initial_expression_that_cannot_be_is_refused() {
         let refused = |change: fn(&mut Settings)| {
-            let mut settings = Preset::Quick.settings();
+            let mut settings = Preset::Weights.settings();
             change(&mut settings);
             Materials::new(&settings).unwrap_err().to_string()
         };

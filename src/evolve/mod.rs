@@ -50,7 +50,7 @@
 //!     }
 //! }
 //!
-//! let settings = Settings { generations: 10, ..Preset::Quick.settings() };
+//! let settings = Settings { generations: 10, ..Preset::Weights.settings() };
 //! let outcome = Search::new(settings, &Brevity)?.run(&Control::default(), &mut |_| {})?;
 //! assert_eq!(outcome.best().tree.len(), 1);
 //! # Ok::<(), tamis::evolve::Error>(())

@@ -121,7 +121,7 @@ mod tests {
 
     /// Applies a kind at many random places; the distinct results as text.
     fn mutants(kind: Mutation, of: &str) -> Vec<String> {
-        let materials = Materials::new(&Preset::Quick.settings()).unwrap();
+        let materials = Materials::new(&Preset::Weights.settings()).unwrap();
         let tree: Tree = of.parse().unwrap();
         let mut mutants: Vec<String> = (0..300)
             .filter_map(|k| kind.apply(&tree, &materials, 0.5, &mut stream(1, 0, 0, k)))
@@ -152,7 +152,7 @@ mod tests {
     fn insert_puts_an_entry_of_the_codebook_for_any_number() {
         let found = mutants(Mutation::Insert, "1");
         assert!(found.contains(&"mitchell(distance2(normal, normal))".to_owned()), "{found:?}");
-        let materials = Materials::new(&Preset::Quick.settings()).unwrap();
+        let materials = Materials::new(&Preset::Weights.settings()).unwrap();
         let entries: Vec<String> = materials.codebook().iter().map(Tree::to_string).collect();
         assert!(found.iter().all(|mutant| entries.contains(mutant)));
     }
@@ -169,7 +169,7 @@ mod tests {
     proptest! {
         #[test]
         fn replace_and_jitter_keep_the_shape_and_swap_the_symbols(seed in 0..u64::MAX) {
-            let settings = Preset::Quick.settings();
+            let settings = Preset::Weights.settings();
             let materials = Materials::new(&settings).unwrap();
             let mut rng = stream(seed, 0, 0, 0);
             let mut tree = materials.initial().clone();

@@ -132,18 +132,18 @@ pub enum Preset {
     /// two cores with 512-bit vectors.
     Paper,
     /// A minute on the same.
-    Quick,
+    Weights,
 }
 
 impl Preset {
     /// Both.
-    pub const ALL: [Self; 2] = [Self::Paper, Self::Quick];
+    pub const ALL: [Self; 2] = [Self::Paper, Self::Weights];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Paper => "paper",
-            Self::Quick => "quick",
+            Self::Weights => "weights",
         }
     }
 
@@ -188,7 +188,7 @@ impl Preset {
             // So short a search cannot put a cross-bilateral filter together
             // from parts, so this one starts from there; with islands so small,
             // tournaments of eight would leave one family on each.
-            Self::Quick => Settings {
+            Self::Weights => Settings {
                 island_size: 40,
                 generations: 28,
                 tournament: 5,
@@ -398,7 +398,7 @@ mod tests {
     #[test]
     fn what_makes_no_sense_is_refused_by_name() {
         let refused = |change: fn(&mut Settings)| {
-            let mut settings = Preset::Quick.settings();
+            let mut settings = Preset::Weights.settings();
             change(&mut settings);
             settings.validate().unwrap_err().to_string()
         };

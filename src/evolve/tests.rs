@@ -103,7 +103,7 @@ impl Fitness for Regression {
 }
 
 fn small() -> Settings {
-    let quick = Preset::Quick.settings();
+    let quick = Preset::Weights.settings();
     let racing = Racing { on: true, ..quick.racing.clone() };
     Settings { islands: 3, island_size: 20, generations: 12, batch: 7, racing, ..quick }
 }

@@ -26,7 +26,7 @@ mod tests {
         #[test]
         fn variation_keeps_trees_well_formed_and_within_limits(seed in 0..u64::MAX) {
             let initial = "bilateral".to_owned();
-            let quick = Preset::Quick.settings();
+            let quick = Preset::Weights.settings();
             let settings = Settings { max_nodes: 40, max_depth: 10, initial, ..quick };
             let materials = Materials::new(&settings).unwrap();
             let mut rng = stream(seed, 0, 0, 0);

@@ -35,13 +35,15 @@ const LOCK: &str = "search.lock";
 const EXAMPLES: &str = "\
 Examples:
   tamis evolve --preset quick
+  tamis evolve --preset programs --initial tamis-formula --max-nodes 1500 --out runs/1
+  tamis evolve --scenes renders/a renders/b --validate renders/c --max-time 600
   tamis evolve --preset paper --seed 7 --out runs/7
   tamis evolve --out runs/7 --resume --generations 400
-  tamis evolve --scenes renders/a renders/b --max-time 600 --radius 8
 
 Writes best.toml (the filter and where it comes from), summary.md, history.csv
-and checkpoint.json into the output folder, but not over those of an older search,
-unless with --overwrite. With every checkpoint best.toml is the best so far. Ctrl-C ends the
+and checkpoint.json into the output folder, and of programs front/, those of which none is
+better by error, predicted time and size, with a chart, front.svg. Does not write over an older
+search, unless with --overwrite. With every checkpoint best.toml is the best so far. Ctrl-C ends the
 search at once with that; --resume goes on from there, on the same scenes. The same seed finds
 the same filter with any number of threads. One search at a time writes into a folder.
 
@@ -52,7 +54,8 @@ Values in brackets are the presets' own.";
 #[command(after_help = EXAMPLES)]
 pub(super) struct Evolve {
     /// Folders with 4spp.exr and reference.exr in or below them, or pairs of files
-    /// [default: data/train; with --resume those that the search was started with]
+    /// [default: data/corpus/train and data/train, for weights the latter; with --resume those
+    /// that the search was started with]
     #[arg(long, num_args = 1.., value_name = scenes::VALUE)]
     scenes: Vec<PathBuf>,
 

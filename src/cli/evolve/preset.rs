@@ -36,7 +36,7 @@ impl Preset {
     pub(super) fn weights(self) -> Option<Settings> {
         match self {
             Self::Quick | Self::Programs => None,
-            Self::Weights => Some(evolve::Preset::Quick.settings()),
+            Self::Weights => Some(evolve::Preset::Weights.settings()),
             Self::Paper => Some(evolve::Preset::Paper.settings()),
         }
     }

@@ -38,7 +38,7 @@ fn fitness(backend: &dyn Backend) -> ImageFitness<'_> {
 
 /// Bred expressions, and a brood of each that grows apart from it.
 fn bred(count: usize) -> Vec<Tree> {
-    let settings = Preset::Quick.settings();
+    let settings = Preset::Weights.settings();
     let materials = Materials::new(&settings).unwrap();
     let fixture = include_str!("../../../tests/fixture/bred.txt");
     let parents: Vec<Tree> = fixture

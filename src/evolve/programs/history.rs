@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::checkpoint::State;
 use super::judge::Judged;
 use super::selection::ranks;
 use crate::evolve::encoding;
@@ -43,8 +42,15 @@ pub struct Row {
 }
 
 impl Row {
-    pub(super) fn new(generation: u32, state: &State, trial: Option<[f64; 3]>) -> Self {
-        let population = &state.population;
+    /// The row of a population that a generation leaves; `trial` is of the program of the least
+    /// error.
+    pub(super) fn new(
+        generation: u32,
+        population: &[Judged],
+        trial: Option<[f64; 3]>,
+        judged: u64,
+        dropped: u64,
+    ) -> Self {
         let mut errors: Vec<f64> = population.iter().map(|judged| judged.error).collect();
         errors.sort_by(f64::total_cmp);
         let best = population.iter().min_by(|a, b| a.error.total_cmp(&b.error));
@@ -61,8 +67,8 @@ impl Row {
             validation,
             rel_mse,
             trimmed_rel_mse,
-            judged: state.judged,
-            dropped: state.dropped,
+            judged,
+            dropped,
         }
     }
 }

@@ -312,7 +312,12 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
             }
             let bar = bar.filter(|_| child.polishes.is_none());
             let name = [generation as usize, index];
-            let verdict = self.judge.judge(&child.genome, child.earlier, child.steps, bar, name)?;
+            let Child { genome, earlier, steps, .. } = child;
+            let verdict = self.judge.judge(genome, *earlier, *steps, bar, name, stop)?;
+            // What is tuned while somebody asks to stop is tuned by fewer steps.
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
             let judged = 1 + done.fetch_add(1, Ordering::Relaxed);
             hear(Event::Child { generation, judged, of: children.len() });
             Ok(Some(verdict))
@@ -370,7 +375,8 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
             } else {
                 None
             };
-        let row = Row::new(generation, &self.state, trial);
+        let State { population, judged, dropped, .. } = &self.state;
+        let row = Row::new(generation, population, trial, *judged, *dropped);
         self.state.history.push(row);
         Ok(())
     }
@@ -381,8 +387,21 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
     }
 
     /// Judges the front by everything there is, and finishes the winner.
-    fn outcome(&self, ending: Ending, hear: &(dyn Fn(Event<'_>) + Sync)) -> Result<Outcome, Error> {
-        let population = &self.state.population;
+    fn outcome(
+        &self,
+        ending: Ending,
+        stop: &Arc<AtomicBool>,
+        hear: &(dyn Fn(Event<'_>) + Sync),
+    ) -> Result<Outcome, Error> {
+        let begun;
+        let population = match self.state.population.as_slice() {
+            // It ended before a generation was complete: what it began with is the result.
+            [] => {
+                begun = self.as_begun().map_err(Error::fitness)?;
+                std::slice::from_ref(&begun)
+            }
+            population => population,
+        };
         let goals: Vec<Goals> = population.iter().map(Judged::goals).collect();
         let ranks = ranks(&goals);
         let members = population.iter().zip(&ranks).filter(|&(_, &rank)| rank == 0);
