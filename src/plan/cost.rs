@@ -32,7 +32,7 @@ pub struct Effort {
 
 impl Effort {
     /// Nanoseconds per unit of each term, on one core of an x86-64 processor with AVX-512.
-    const SHARES: [f64; 8] = [0.01, 0.02, 0.02, 1.0, 0.3, 4.0, 0.5, 2.0];
+    const SHARES: [f64; 8] = [0.0257, 0.0036, 0.076, 0.411, 0.193, 20.6, 1.52, 2.37];
 
     /// The terms, in their order.
     pub fn terms(&self) -> [f64; 8] {
