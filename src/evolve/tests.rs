@@ -587,6 +587,6 @@ fn presets_find_for_a_seed_what_they_always_found() {
     });
     insta::assert_snapshot!(found.join("\n"), @"
     paper: 3775 0 2 / pow(2, 2) * exp(exp(-pow(distance2(color, color), exp(pow(-pow(distance2(pixel, pixel), 2), 2))) / pow(distance2(color, color), distance2(pixel, pixel))))
-    quick: 1762 20 exp(-pow(2, 2) / 2048) * (2 * exp(pow(distance2(worldPosition, worldPosition), 2)) * acos(-pow(distance2(texture, texture), distance2(dirIllumination, dirIllumination)) / 0.0468))
+    weights: 1762 20 exp(-pow(2, 2) / 2048) * (2 * exp(pow(distance2(worldPosition, worldPosition), 2)) * acos(-pow(distance2(texture, texture), distance2(dirIllumination, dirIllumination)) / 0.0468))
     ");
 }

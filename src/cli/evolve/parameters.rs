@@ -122,7 +122,7 @@ const OF_PROGRAMS: &[Parameter<programs::Settings>] = parameters! {
     "rung" "SHARE" rung:
         "Share of the scenes that a child is judged by before it is tuned; 0 for none";
     "slack" "SCORE" slack:
-        "How much worse than the worst of the population it may be there";
+        "How much worse it may be there than the best that is neither slower nor larger";
     "interval" "N" interval:
         "Generations from one trial on the validation scenes to the next";
     "patience" "N" patience:

@@ -27,6 +27,8 @@ pub struct Judge<'a, B> {
     /// A part of every training scene, the same for all programs.
     exam: Vec<TuningScene>,
     facts: Facts,
+    /// Nanoseconds per pixel that a program may be predicted to take.
+    limit: f64,
 }
 
 /// A program with how it does.
@@ -62,8 +64,8 @@ pub enum Verdict {
     Unfit,
 }
 
-/// What a child has to come near to before it is tuned: the scores, by scene, of a program of
-/// the population.
+/// What a child has to come near to before it is tuned: the scores, by scene, of a program that
+/// would be better than it by all goals.
 pub type Bar<'b> = Option<&'b [f64]>;
 
 impl<'a, B: Backend + Differentiator> Judge<'a, B> {
@@ -87,7 +89,13 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
             .collect();
         let levels = training.iter().flat_map(|scene| &scene.levels);
         let facts = Facts::of_all(levels.map(|level| &level.scene));
-        Ok(Self { settings, training, validation, backend, exam, facts })
+        let limit = settings.max_cost;
+        Ok(Self { settings, training, validation, backend, exam, facts, limit })
+    }
+
+    /// Lets programs take so many nanoseconds per pixel, if the settings do not.
+    pub(super) fn allow(&mut self, cost: f64) {
+        self.limit = self.limit.max(cost);
     }
 
     /// What the search was told.
@@ -132,7 +140,7 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
         stop: &Arc<AtomicBool>,
     ) -> Result<Verdict, tune::Error> {
         match self.cost(genome.filter()) {
-            Some(cost) if cost <= self.settings.max_cost => {}
+            Some(cost) if cost <= self.limit => {}
             Some(_) | None => return Ok(Verdict::Unfit),
         }
         if let Some(bar) = bar

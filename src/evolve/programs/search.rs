@@ -123,16 +123,28 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
     /// A search that begins with mutants of a filter.
     ///
     /// # Errors
-    /// If the settings make no sense.
+    /// If the settings make no sense, or the filter reads what a training scene lacks.
     ///
     /// # Panics
     /// If the filter makes no sense.
-    pub fn new(initial: Filter, judge: Judge<'a, B>) -> Result<Self, Error> {
+    pub fn new(initial: Filter, mut judge: Judge<'a, B>) -> Result<Self, Error> {
         judge.settings().validate()?;
         let mut features = judge.settings().vocabulary()?;
         // New formulas read nothing that a scene lacks.
         features.retain(|&term| judge.has(term));
         let initial = Genome::new(initial).expect("whoever has a filter has checked it");
+        // What it begins with may always take part, and its like.
+        match judge.cost(initial.filter()) {
+            Some(cost) => judge.allow(cost),
+            None => {
+                return Err(Error::Setting {
+                    name: "initial",
+                    value: format!("`{}`", initial.filter().name),
+                    wanted: "it must not read what a training scene lacks, unless it says what \
+                             stands in for that",
+                });
+            }
+        }
         let reach = initial.filter().check().expect("genomes make sense").reach();
         let pictures = judge.pictures();
         Ok(Self { judge, features, initial, reach, pictures, state: State::default() })
@@ -303,14 +315,12 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         stop: &Arc<AtomicBool>,
         hear: &(dyn Fn(Event<'_>) + Sync),
     ) -> Result<Option<Vec<Verdict>>, Error> {
-        let worst = self.state.population.iter().max_by(|a, b| a.error.total_cmp(&b.error));
-        let bar = worst.map(|judged| &judged.scores[..]);
         let done = AtomicUsize::new(0);
         let judge = |(index, child): (usize, &Child)| {
             if watch.ending().is_some() {
                 return Ok(None);
             }
-            let bar = bar.filter(|_| child.polishes.is_none());
+            let bar = self.bar(child);
             let name = [generation as usize, index];
             let Child { genome, earlier, steps, .. } = child;
             let verdict = self.judge.judge(genome, *earlier, *steps, bar, name, stop)?;
@@ -325,6 +335,18 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         let verdicts: Result<Vec<Option<Verdict>>, tune::Error> =
             children.par_iter().enumerate().map(judge).collect();
         Ok(verdicts.map_err(Error::fitness)?.into_iter().collect())
+    }
+
+    /// The scores of the best program that is neither slower nor larger than a child, if there is
+    /// one: a child that stays worse than that is of no use.
+    fn bar(&self, child: &Child) -> Option<&[f64]> {
+        if child.polishes.is_some() {
+            return None;
+        }
+        let (cost, size) = (self.judge.cost(child.genome.filter())?, child.genome.size());
+        let population = self.state.population.iter();
+        let rivals = population.filter(|r| r.cost <= cost && r.genome.size() <= size);
+        rivals.min_by(|a, b| a.error.total_cmp(&b.error)).map(|rival| &rival.scores[..])
     }
 
     /// Takes a generation's children into the population.
@@ -469,14 +491,9 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
 
     /// The filter that the search begins with.
     fn as_begun(&self) -> Result<Judged, tune::Error> {
-        let judged = self.judge.judge(&self.initial, 0, 0, None, [0, 0], &Arc::default())?;
-        match judged {
+        match self.judge.judge(&self.initial, 0, 0, None, [0, 0], &Arc::default())? {
             Verdict::Judged(judged) => Ok(*judged),
-            Verdict::Dropped | Verdict::Unfit => {
-                let (scores, cost) = (vec![f64::INFINITY], f64::INFINITY);
-                let genome = self.initial.clone();
-                Ok(Judged { genome, scores, error: f64::INFINITY, cost, steps: 0 })
-            }
+            Verdict::Dropped | Verdict::Unfit => unreachable!("it was found fit, and has no bar"),
         }
     }
 

@@ -59,7 +59,8 @@ pub struct Settings {
     pub features: Vec<String>,
     /// Share of the scenes that a child is judged by before it is tuned; 0 for none.
     pub rung: f64,
-    /// How much worse than the worst of the population it may be there, in the loss's score.
+    /// How much worse it may be there than the best program that is neither slower nor larger,
+    /// in the loss's score.
     pub slack: f64,
     /// Generations from one trial on the validation scenes to the next.
     pub interval: u32,

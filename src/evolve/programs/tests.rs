@@ -189,3 +189,37 @@ fn what_was_interrupted_goes_on_to_the_same_result() {
     assert_eq!(resumed.best, whole.best);
     assert_eq!(history::csv(&resumed.history), history::csv(&whole.history));
 }
+
+#[test]
+fn any_filter_that_the_scenes_feed_can_be_bred_from() {
+    let (training, validation) = ([scene(1)], [scene(2)]);
+    let begin = |filter: Filter, settings: Settings| {
+        let judge = Judge::new(settings, &training, &validation, &Interpreter).expect("scenes");
+        Search::new(filter, judge)
+    };
+    // Slower, larger and longer than the settings allow.
+    let tamis = shipped::best();
+    let small = Settings { max_cost: 1.0, max_nodes: 1, max_stages: 1, ..settings() };
+    let settings = Settings { population: 4, generations: 0, tune_steps: 0, ..small };
+    let mut search = begin(tamis, settings.clone()).expect("it can run");
+    let outcome = search.run(&Control::default(), &|_| {}).expect("it runs");
+    assert!(!outcome.front.is_empty());
+    let weight: crate::expr::Tree = "exp(-distance2(normal, normal))".parse().expect("a weight");
+    assert!(begin(Filter::single("plain", weight, 2), settings.clone()).is_ok());
+
+    let weight: crate::expr::Tree = "exp(-distance2(direct, direct))".parse().expect("a weight");
+    let refused = begin(Filter::single("lit", weight, 2), settings).err().expect("no direct light");
+    assert!(refused.to_string().contains("`lit`"), "{refused}");
+}
+
+#[test]
+fn a_search_that_ends_before_its_first_generation_gives_what_it_began_with() {
+    let (training, validation) = ([scene(1)], [scene(2)]);
+    let judge = Judge::new(settings(), &training, &validation, &Interpreter).expect("scenes");
+    let mut search = Search::new(seed(), judge).expect("it begins");
+    let control = Control { stop: Arc::new(AtomicBool::new(true)), ..Control::default() };
+    let outcome = search.run(&control, &|_| {}).expect("it runs");
+    assert_eq!(outcome.ending, Ending::Stopped);
+    assert_eq!(Some(&outcome.best.judged.genome), Genome::new(seed()).as_ref());
+    assert!(outcome.history.is_empty());
+}
