@@ -43,16 +43,18 @@ pub fn crowding(goals: &[Goals], ranks: &[usize]) -> Vec<f64> {
     let last = ranks.iter().copied().max().unwrap_or(0);
     for rank in 0..=last {
         let members: Vec<usize> = (0..goals.len()).filter(|&k| ranks[k] == rank).collect();
-        for goal in 0..3 {
+        let by: [fn(&Goals) -> f64; 3] = [|g| g[0], |g| g[1], |g| g[2]];
+        for goal in by {
+            let value = |k: usize| goal(&goals[k]);
             let mut order = members.clone();
-            order.sort_by(|&a, &b| goals[a][goal].total_cmp(&goals[b][goal]).then(a.cmp(&b)));
+            order.sort_by(|&a, &b| value(a).total_cmp(&value(b)).then(a.cmp(&b)));
             let (Some(&low), Some(&high)) = (order.first(), order.last()) else { continue };
-            let whole = goals[high][goal] - goals[low][goal];
+            let whole = value(high) - value(low);
             room[low] = f64::INFINITY;
             room[high] = f64::INFINITY;
             if whole > 0.0 {
                 for three in order.windows(3) {
-                    room[three[1]] += (goals[three[2]][goal] - goals[three[0]][goal]) / whole;
+                    room[three[1]] += (value(three[2]) - value(three[0])) / whole;
                 }
             }
         }
