@@ -469,9 +469,15 @@ fn chart(outcome: &Outcome) -> String {
         ),
         label,
     };
+    // Each on its own, so that nothing joins them: files in front/ are in the order of time alone.
+    let series = |name: &str, point| Series {
+        color: name.to_owned(),
+        shape: name.to_owned(),
+        points: vec![point],
+    };
     let front = outcome.front.iter().zip(1..);
-    let series =
-        |name: &str, points| Series { color: name.to_owned(), shape: name.to_owned(), points };
+    let front = front.map(|(f, k): (_, usize)| series("front", point(f, k.to_string())));
+    let best = series("best", point(&outcome.best, "best".to_owned()));
     Chart {
         title: "Bred programs".to_owned(),
         subtitle: match validated {
@@ -480,10 +486,7 @@ fn chart(outcome: &Outcome) -> String {
         },
         x: "predicted nanoseconds per pixel".to_owned(),
         y: if validated { "RelMSE" } else { "loss" }.to_owned(),
-        series: vec![
-            series("front", front.map(|(f, k): (_, usize)| point(f, format!("{k}"))).collect()),
-            series("best", vec![point(&outcome.best, "best".to_owned())]),
-        ],
+        series: front.chain([best]).collect(),
         colors: "programs".to_owned(),
         shapes: "programs".to_owned(),
         labels: "Numbers at marks: files in front/.".to_owned(),
