@@ -1,16 +1,16 @@
 //! `tamis evolve`: searches, from scenes to filter files.
 
 mod pace;
-mod page;
 mod parameters;
 mod preset;
 mod programs;
-mod progress;
-mod provisional;
 mod record;
 mod weights;
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use clap::Args;
 
@@ -18,9 +18,9 @@ use super::Report;
 use super::backend::{LanesArgs, Processor};
 use super::error::Error;
 use super::log::Log;
-use super::scenes;
-use crate::evolve;
-use crate::image::{Lock, check_folder};
+use super::{interrupt, scenes};
+use crate::evolve::{self, Checkpoints, Control};
+use crate::image::{ImageError, Lock, check_folder};
 use crate::tune::SealedError;
 use parameters::{Parameters, Tabled};
 use preset::Preset;
@@ -178,4 +178,41 @@ impl Evolve {
         }
         Ok(())
     }
+
+    /// What watches over a search: the flag, the time, the checkpoints. Ctrl-C raises the flag
+    /// from now on.
+    fn control(&self, stop: &Arc<AtomicBool>, log: Log) -> Control {
+        interrupt::raise(stop, log, "stopping: the result is the best so far");
+        Control {
+            stop: Arc::clone(stop),
+            time_limit: self.max_time.map(|seconds| Duration::from_secs(seconds.into())),
+            checkpoints: Some(Checkpoints {
+                path: self.out.join(CHECKPOINT),
+                interval: self.checkpoint_every,
+            }),
+        }
+    }
+}
+
+/// Why a search ended, with what it can be resumed from.
+fn interrupted(error: evolve::Error) -> Error {
+    match error {
+        evolve::Error::Fitness { source, checkpoint: Some(checkpoint) } => {
+            Error::Interrupted { source, checkpoint }
+        }
+        other => other.into(),
+    }
+}
+
+/// What is said of a checkpoint that cannot be written.
+fn no_checkpoint(failure: &evolve::Error) -> String {
+    format!(
+        "warning: {failure}; the search goes on, but cannot be resumed unless a later checkpoint \
+         can be written"
+    )
+}
+
+/// What is said of a provisional result that cannot be written.
+fn no_provisional(failure: &ImageError) -> String {
+    format!("warning: {failure}; the search goes on without writing its best so far")
 }

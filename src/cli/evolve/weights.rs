@@ -1,24 +1,27 @@
 //! A search for weights of one window, from scenes to a filter file.
 
+mod page;
+mod progress;
+mod provisional;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
-use super::progress::Progress;
-use super::provisional::Provisional;
 use super::record::{self, Origin};
-use super::{BEST, CHECKPOINT, Evolve, HISTORY, SCENES, SUMMARY, page};
+use super::{
+    BEST, CHECKPOINT, Evolve, HISTORY, SCENES, SUMMARY, interrupted, no_checkpoint, no_provisional,
+};
 use crate::backend::{Backend, BackendError, PAIRS, Stoppable};
 use crate::cli::backend::Processor;
 use crate::cli::error::Error;
 use crate::cli::log::Log;
 use crate::cli::measure::Measuring;
 use crate::cli::recall::Recall;
-use crate::cli::{Report, interrupt, resolve, scenes};
+use crate::cli::{Report, resolve, scenes};
 use crate::evolve::{
-    self, Checkpoint, Checkpoints, Control, Coverage, Event, Fitness, ImageFitness, Outcome,
-    Restriction, Search, Settings, TrainingScene, history,
+    self, Checkpoint, Coverage, Event, Fitness, ImageFitness, Outcome, Restriction, Search,
+    Settings, TrainingScene, history,
 };
 use crate::expr::{Feature, PlaneId, Tree, codebook};
 use crate::filter::{Filter, Gather, Window};
@@ -27,6 +30,8 @@ use crate::plan::{Passes, Precision};
 use crate::report::{ScoreTable, Total, number};
 use crate::scene::{Fact, Facts, LoadOptions, Needs, RawScene, Scene, SceneFiles, load_reference};
 use crate::stress::{Engine, Ground, SEED, Screen, certify};
+use progress::Progress;
+use provisional::Provisional;
 
 /// What a bred filter is compared with at the end.
 const RIVALS: [&str; 3] = ["bilateral", "cross-bilateral", "kan2017"];
@@ -141,44 +146,24 @@ impl Evolve {
         stop: &Arc<AtomicBool>,
         log: Log,
     ) -> Result<(Outcome, bool), Error> {
-        interrupt::raise(stop, log, "stopping: the result is the best so far");
-        let time_limit = self.max_time.map(|seconds| Duration::from_secs(seconds.into()));
-        let control = Control {
-            stop: Arc::clone(stop),
-            time_limit,
-            checkpoints: Some(Checkpoints {
-                path: self.out.join(CHECKPOINT),
-                interval: self.checkpoint_every,
-            }),
-        };
-        let mut progress = Progress::new(log, origin.settings.generations, time_limit);
+        let control = self.control(stop, log);
+        let mut progress = Progress::new(log, origin.settings.generations, control.time_limit);
         let mut provisional = Provisional::new(origin, self.out.join(BEST));
         let mut kept = false;
         let outcome = search.run(&control, &mut |event| {
             if let Event::Checkpoint { written, failure, .. } = event {
                 kept = written;
                 if let Some(failure) = failure {
-                    progress.warn(format_args!(
-                        "warning: {failure}; the search goes on, but cannot be resumed unless a \
-                         later checkpoint can be written"
-                    ));
+                    progress.warn(no_checkpoint(failure));
                 }
             }
             if let Some(failure) = provisional.hear(event) {
-                progress.warn(format_args!(
-                    "warning: {failure}; the search goes on without writing its best so far"
-                ));
+                progress.warn(no_provisional(&failure));
             }
             progress.hear(event);
         });
         progress.finish();
-        let outcome = outcome.map_err(|error| match error {
-            evolve::Error::Fitness { source, checkpoint: Some(checkpoint) } => {
-                Error::Interrupted { source, checkpoint }
-            }
-            other => other.into(),
-        });
-        Ok((outcome?, kept))
+        Ok((outcome.map_err(interrupted)?, kept))
     }
 
     /// Writes what was found, as far as that can be done; returns whether all of it was.

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use super::parameters;
-use super::record::{Origin, effort, ending, error, generations};
+use crate::cli::evolve::parameters;
+use crate::cli::evolve::record::{Origin, effort, ending, error, generations};
 use crate::evolve::summary::Frequency;
 use crate::evolve::{Outcome, Summary};
 use crate::expr::text::latex;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::record::{self, Origin};
+use crate::cli::evolve::record::{self, Origin};
 use crate::evolve::Event;
 use crate::filter::Filter;
 use crate::image::{ImageError, write_atomically};

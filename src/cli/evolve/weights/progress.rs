@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 
-use super::pace::Pace;
+use crate::cli::evolve::pace::Pace;
 use crate::cli::log::Log;
 use crate::evolve::Event;
 use crate::report::number;
