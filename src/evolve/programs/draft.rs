@@ -12,7 +12,7 @@ use crate::expr::tree::Tree;
 use crate::filter::{Filter, Stage, StageKind, StandIn};
 use crate::tune::Stream;
 
-use super::genome::Genome;
+use super::genome::{Genome, renamed};
 
 /// Levels of a formula that is made from nothing.
 const DEPTH: u32 = 3;
@@ -161,6 +161,15 @@ impl<'a> Draft<'a> {
         Some(())
     }
 
+    /// A hole and a node in it that `fits`.
+    pub(super) fn pick(&mut self, fits: impl Fn(&Tree, Node) -> bool) -> Option<(Hole, Node)> {
+        let hole = *self.holes().choose(self.rng)?;
+        let tree = self.tree(hole);
+        let nodes: Vec<Node> =
+            self.nodes(hole).into_iter().filter(|&node| fits(tree, node)).collect();
+        Some((hole, *nodes.choose(self.rng)?))
+    }
+
     /// What formulas of a stage may read: features and earlier stages, with their widths.
     pub(super) fn signals(&self, stage: usize) -> Vec<(Symbol, usize)> {
         let features = self.features.iter().filter_map(|&(feature, quantity)| {
@@ -208,6 +217,27 @@ impl<'a> Draft<'a> {
         let value = value.clamp(bounds[0], bounds[1]);
         self.filter.constants.params.push(Param { name, value, bounds, tuned: true });
         Symbol::Param((self.filter.constants.params.len() - 1) as u16)
+    }
+
+    /// The formula with copies of the single constants that it reads.
+    pub(super) fn with_own_constants(&mut self, tree: &Tree) -> Tree {
+        let mut copies: Vec<(u16, Symbol)> = Vec::new();
+        for &symbol in tree.symbols() {
+            if let Symbol::Param(k) = symbol
+                && !copies.iter().any(|&(known, _)| known == k)
+            {
+                let Param { name, value, bounds, .. } =
+                    self.filter.constants.params[usize::from(k)].clone();
+                let copy = self.param(&name, value, bounds);
+                copies.push((k, copy));
+            }
+        }
+        renamed(tree, |symbol| match symbol {
+            Symbol::Param(k) => {
+                copies.iter().find(|&&(known, _)| known == k).expect("all were copied").1
+            }
+            other => other,
+        })
     }
 
     /// A positive one, of any magnitude.
