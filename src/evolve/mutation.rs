@@ -100,7 +100,7 @@ pub fn mutate(tree: &Tree, materials: &Materials, settings: &Settings, rng: &mut
 }
 
 /// A standard normal deviate (Box and Muller).
-fn normal(rng: &mut Stream) -> f64 {
+pub(super) fn normal(rng: &mut Stream) -> f64 {
     let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
     radius * (TAU * rng.random::<f64>()).cos()
 }

@@ -52,6 +52,19 @@ impl Tree {
         widths(&self.symbols).expect("checked when the tree was made")[0]
     }
 
+    /// How many components every node has, by position.
+    pub fn widths(&self) -> Vec<usize> {
+        let mut widths: Vec<usize> = Vec::with_capacity(self.len());
+        let mut stack: Vec<usize> = Vec::new();
+        for &symbol in self.symbols.iter() {
+            let operands = stack.split_off(stack.len() - symbol.arity());
+            let width = symbol.width(&operands).expect("checked when the tree was made");
+            stack.push(width);
+            widths.push(width);
+        }
+        widths
+    }
+
     /// Whether the paper's grammar makes the expression: vectors stand as operands of
     /// functions of two vectors and nowhere else.
     pub fn is_paper(&self) -> bool {
@@ -293,6 +306,7 @@ mod tests {
         let (pixel, normal) =
             (leaf(Symbol::Vector(Feature::Pixel)), leaf(Symbol::Vector(Feature::Normal)));
         assert!(Tree::apply(Op::Add, &[&pixel, &normal]).is_err(), "two and three components");
+        assert_eq!(sum.widths(), [3, 3, 3, 3, 3, 1, 3]);
     }
 
     #[test]

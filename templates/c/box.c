@@ -1,12 +1,9 @@
-{# A mean by equal weights. -#}
-/* {{ doc }} */
-static void {{ function }}(const struct {{ name }}_run *run)
-{
+{# A mean by equal weights. #}
+{% extends "c/kernel.c" %}
+{% block tables %}
     const int radius = {{ radius }}, step = {{ step }};
-    const int *const size = run->{{ size }};
-{%- for pointer in pointers %}
-    {{ pointer }};
-{%- endfor %}
+{%- endblock %}
+{% block loops %}
     /* Sums down the columns, */
     {{ upper }}_ROWS
     for (int y = 0; y < size[1]; ++y) {
@@ -57,4 +54,4 @@ static void {{ function }}(const struct {{ name }}_run *run)
 {%- endfor %}
         }
     }
-}
+{%- endblock %}

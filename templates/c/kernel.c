@@ -7,6 +7,7 @@ static void {{ function }}(const struct {{ name }}_run *run)
 {%- for pointer in pointers %}
     {{ pointer }};
 {%- endfor %}
+{%- block loops %}
     {{ upper }}_ROWS
     for (int y = 0; y < size[1]; ++y) {
         for (int x = 0; x < size[0]; ++x) {
@@ -14,4 +15,5 @@ static void {{ function }}(const struct {{ name }}_run *run)
 {%- block pixel %}{% endblock %}
         }
     }
+{%- endblock %}
 }

@@ -133,7 +133,7 @@ impl<'a> Draft<'a> {
     pub(super) fn nodes(&self, hole: Hole) -> Vec<Node> {
         let tree = self.tree(hole);
         let symbols = tree.symbols();
-        let widths = widths(tree);
+        let widths = tree.widths();
         let mut pair = vec![hole.role == Role::Weight; tree.len()];
         for at in (0..tree.len()).rev() {
             let alone = match symbols[at] {
@@ -408,19 +408,6 @@ pub(super) fn exponent(tree: &Tree) -> Option<usize> {
         }
         _ => Some(below),
     }
-}
-
-/// How many components every node has.
-fn widths(tree: &Tree) -> Vec<usize> {
-    let mut widths: Vec<usize> = Vec::with_capacity(tree.len());
-    let mut stack: Vec<usize> = Vec::new();
-    for &symbol in tree.symbols() {
-        let operands = stack.split_off(stack.len() - symbol.arity());
-        let width = symbol.width(&operands).expect("the tree is well-formed");
-        stack.push(width);
-        widths.push(width);
-    }
-    widths
 }
 
 /// What stands in for a feature that a bred program came to read: what drops its terms.

@@ -205,6 +205,10 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         keeper: &mut Keeper<'_>,
         hear: &(dyn Fn(Event<'_>) + Sync),
     ) -> Result<Ending, Error> {
+        // A run that is killed before its first generation is complete can be resumed, too.
+        if self.state.next == 0 && keeper.is_due(0) {
+            self.keep(keeper, hear);
+        }
         while self.state.next <= self.judge.settings().generations {
             if let Some(ending) = watch.ending() {
                 return Ok(ending);

@@ -149,10 +149,8 @@ fn a_search_finds_something_better_and_its_front_is_one() {
     let goals: Vec<_> = outcome.front.iter().map(|f| f.judged.goals()).collect();
     assert!(selection::ranks(&goals).iter().all(|&rank| rank == 0));
     assert!(outcome.best.difference.expect("it was compared") < 1e-5);
-    assert_eq!(
-        outcome.judged + outcome.dropped,
-        outcome.history.last().map_or(0, |row| { row.judged + row.dropped })
-    );
+    let made = outcome.judged + outcome.dropped;
+    assert!((6 + 5..=6 + 5 * 6).contains(&made), "{made} of six, and six in each generation");
     // The least error of the population is never lost.
     assert!(outcome.history.windows(2).all(|rows| rows[1].best <= rows[0].best));
 }

@@ -3,6 +3,7 @@
 use rand::RngExt;
 use rand::seq::IndexedRandom;
 
+use crate::evolve::mutation::normal;
 use crate::evolve::programs::draft::{Draft, Hole, Node, Role, exponent};
 use crate::expr::constants::Param;
 use crate::expr::op::{Form, Op};
@@ -10,7 +11,7 @@ use crate::expr::symbol::{Symbol, Variadic};
 use crate::expr::tree::Tree;
 
 /// The standard deviation of the logarithm of what a constant is multiplied by.
-const JITTER: f32 = 0.5;
+const JITTER: f64 = 0.5;
 
 /// A symbol becomes another one that takes and gives as many components.
 pub(super) fn replace(draft: &mut Draft<'_>) -> Option<()> {
@@ -107,11 +108,11 @@ pub(super) fn wrap(draft: &mut Draft<'_>) -> Option<()> {
 
 /// A constant is multiplied by something near one.
 pub(super) fn jitter(draft: &mut Draft<'_>) -> Option<()> {
-    let deviate: f32 = (0..12).map(|_| draft.rng.random::<f32>()).sum::<f32>() - 6.0;
     let count = draft.filter.constants.params.len();
     let which = (count > 0).then(|| draft.rng.random_range(0..count))?;
     let Param { value, bounds, .. } = &mut draft.filter.constants.params[which];
-    *value = (*value * (JITTER * deviate).exp()).clamp(bounds[0], bounds[1]);
+    let factor = (JITTER * normal(draft.rng)).exp() as f32;
+    *value = (*value * factor).clamp(bounds[0], bounds[1]);
     Some(())
 }
 
