@@ -53,6 +53,7 @@
 //! - [`backend`]: interpreter, machine code, and the exact oracle.
 //! - [`tune`]: constants of programs, by gradients.
 //! - [`evolve`]: the search.
+//! - [`explain`]: what a filter's parts are for.
 //! - [`export`]: filters as code and equations for others.
 //! - [`stress`]: whether a filter can be relied on.
 //!
@@ -63,6 +64,7 @@ pub mod backend;
 pub mod cli;
 pub mod denoise;
 pub mod evolve;
+pub mod explain;
 pub mod export;
 pub mod expr;
 pub mod filter;

@@ -15,7 +15,7 @@ const FLOORS: &[&[&str]] = &[
     &["plan"],
     &["backend"],
     &["denoise", "tune"],
-    &["evolve", "export", "report", "stress"],
+    &["evolve", "explain", "export", "report", "stress"],
     &["cli"],
 ];
 

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::denoise::DenoiseError;
 use crate::evolve;
+use crate::explain;
 use crate::export::ExportError;
 use crate::filter::{FilterFileError, ResizeError};
 use crate::image::{ImageError, LockError};
@@ -55,6 +56,9 @@ pub(super) enum Error {
         /// Where it stands.
         checkpoint: PathBuf,
     },
+    /// A filter cannot be explained.
+    #[error(transparent)]
+    Explain(#[from] explain::Error),
     /// An image cannot be filtered.
     #[error(transparent)]
     Denoise(#[from] DenoiseError),
@@ -258,6 +262,7 @@ impl Error {
             | Self::Search(_)
             | Self::Tuning(_)
             | Self::Interrupted { .. }
+            | Self::Explain(_)
             | Self::Denoise(_)
             | Self::NoMachineCode { .. }
             | Self::MissingInputs { .. }

@@ -19,6 +19,7 @@ mod completions;
 mod denoise;
 mod error;
 mod evolve;
+mod explain;
 mod export;
 #[cfg(feature = "gpu")]
 mod fallback;
@@ -97,6 +98,8 @@ enum Command {
     Bench(bench::Bench),
     /// Certify that a filter is stable, or say why it is not
     Stress(stress::Stress),
+    /// Say what each part of a filter does for a scene, and what time it takes
+    Explain(explain::Explain),
     /// Draw a scene noisy, filtered and clean, side by side
     Sheet(sheet::Sheet),
     /// List a file's channels, what they feed, and what is wrong with them
@@ -139,6 +142,7 @@ impl Command {
             Self::Compare(command) => command.run(),
             Self::Score(command) => command.run(log),
             Self::Bench(command) => command.run(log),
+            Self::Explain(command) => command.run(log),
             Self::Sheet(command) => command.run(log),
             Self::Inspect(command) => command.run(),
             Self::Filters(command) => command.run(),

@@ -28,6 +28,19 @@ pub(super) fn find(arguments: &[PathBuf]) -> Result<Vec<SceneFiles>, Error> {
     Ok(scenes)
 }
 
+/// The one scene that an argument stands for.
+pub(super) fn one(argument: &Path) -> Result<SceneFiles, Error> {
+    let mut found = find(&[argument.to_owned()])?;
+    match found.len() {
+        1 => Ok(found.swap_remove(0)),
+        count => Err(Error::Usage(format!(
+            "{}: there are {count} scenes below; name one of them: {}",
+            argument.display(),
+            found.iter().map(|files| files.name.as_str()).collect::<Vec<_>>().join(", ")
+        ))),
+    }
+}
+
 /// An argument that stands for the same scenes in whatever folder the program runs.
 pub(super) fn absolute(argument: &Path) -> PathBuf {
     let whole = |path: &Path| path::absolute(path).unwrap_or_else(|_| path.to_owned());

@@ -83,17 +83,9 @@ impl Sheet {
         }
         let backend = self.running.backend.open(log)?.backend;
         let filters = score::filters(&self.filters, self.running.radius)?;
-        let found = scenes::find(std::slice::from_ref(&self.scene))?;
-        let [files] = found.as_slice() else {
-            return Err(Error::Usage(format!(
-                "{}: there are {} scenes below; name one of them: {}",
-                self.scene.display(),
-                found.len(),
-                found.iter().map(|files| files.name.as_str()).collect::<Vec<_>>().join(", ")
-            )));
-        };
+        let files = scenes::one(&self.scene)?;
         let measuring = Measuring::with(&self.running, &*backend);
-        let scene = measuring.load(files, &filters)?;
+        let scene = measuring.load(&files, &filters)?;
         let reference = load_reference(&files.reference)?;
         let noisy = scene.noisy();
         self.check_crop(noisy.size())?;

@@ -344,9 +344,9 @@ impl Filter {
         let absent = self.absent.iter().map(|&(feature, stand_in)| {
             let text = match stand_in {
                 StandIn::Constant(x) => AbsentText::Constant(decimal(x)),
-                StandIn::Feature(other) => AbsentText::Feature(term(other).to_owned()),
+                StandIn::Feature(other) => AbsentText::Feature(other.term().to_owned()),
             };
-            (term(feature).to_owned(), text)
+            (feature.term().to_owned(), text)
         });
         let file = File {
             version: VERSION,
@@ -361,13 +361,8 @@ impl Filter {
     }
 }
 
-/// What programs call a feature.
-pub(super) fn term(feature: Feature) -> &'static str {
-    feature.row().term.unwrap_or(feature.row().name)
-}
-
 /// A formula of stage number `k`.
-pub(super) fn formula(checked: &Checked<'_>, k: usize, tree: &Tree, reads: Reads) -> String {
+pub fn formula(checked: &Checked<'_>, k: usize, tree: &Tree, reads: Reads) -> String {
     print_formula(tree, &checked.scope(k, reads))
 }
 

@@ -28,7 +28,7 @@ use crate::expr::symbol::Symbol;
 use crate::expr::tree::Tree;
 
 pub use check::{Checked, FilterError, Resolved};
-pub use file::FilterFileError;
+pub use file::{FilterFileError, formula};
 pub use show::{reads, show, stages};
 
 /// The neighbourhood of a pixel: (2 radius + 1)² taps, `dilation` pixels apart.

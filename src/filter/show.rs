@@ -22,10 +22,10 @@ pub fn show(checked: &Checked<'_>) -> String {
             None => String::new(),
             Some(StandIn::Constant(x)) => format!("; {x} where a file lacks it"),
             Some(StandIn::Feature(other)) => {
-                format!("; `{}` where a file lacks it", super::file::term(other))
+                format!("; `{}` where a file lacks it", other.term())
             }
         };
-        let _ = writeln!(text, "  {}: {doc}{stand_in}", super::file::term(feature));
+        let _ = writeln!(text, "  {}: {doc}{stand_in}", feature.term());
     }
     let _ = write!(text, "\nstages\n{}", stages(checked));
     constants(&mut text, filter);

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
+
 use crate::image::metric::srgb;
 use crate::image::{Image, ImageError, write_atomically};
 
@@ -87,6 +89,11 @@ impl Picture {
             *pixel = self.pixels[y * self.width + x];
         }
         large
+    }
+
+    /// The picture as the address of an image in a page, which holds it.
+    pub fn to_data_uri(&self) -> String {
+        format!("data:image/png;base64,{}", BASE64_STANDARD.encode(self.to_png()))
     }
 
     /// The picture as a PNG file's bytes.

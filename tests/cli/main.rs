@@ -2,6 +2,7 @@
 //! out.
 
 mod documents;
+mod explain;
 mod exports;
 mod features;
 mod frames;

@@ -67,28 +67,8 @@ fn weight(scene: &Scene, gather: &Gather) -> Meaning {
 }
 
 fn program(scene: &Scene, filter: &Checked<'_>) -> Meaning {
-    let facts = Facts::of(scene);
-    let (planes, doubts) = (BTreeMap::new(), Vec::new());
-    let mut images = Images { filter, scene, facts, planes, doubts };
-    let mut gathers = Vec::new();
     let stages = &filter.filter().stages;
-    for (k, stage) in stages.iter().enumerate() {
-        let grid = stage.grid;
-        let components = match &stage.kind {
-            StageKind::Map(value) => {
-                images.doubts.push(images.doubt_of_map(value, grid));
-                images.map(value, grid)
-            }
-            StageKind::Gather(gather) => {
-                let (components, sums) = images.gather(gather, grid);
-                images.doubts.push(images.doubt_of_gather(gather, grid, &sums));
-                gathers.push(Weighed { stage: k, sums });
-                components
-            }
-        };
-        let planes = (0..).map(|component| StagePlane { stage: k as u16, component });
-        images.planes.extend(planes.zip(components));
-    }
+    let (images, gathers) = Images::of(scene, filter, stages.len());
     let last = stages.len() as u16 - 1;
     let result = |component| &images.planes[&StagePlane { stage: last, component }];
     let exposure = f64::from(scene.normalization().exposure);
@@ -130,8 +110,8 @@ fn greatest_around(values: Vec<f64>, [width, height]: [usize; 2], reach: usize) 
     both
 }
 
-/// The images of the stages so far.
-struct Images<'a> {
+/// What the stages of a filter give on a scene, exactly.
+pub struct Images<'a> {
     filter: &'a Checked<'a>,
     scene: &'a Scene,
     facts: Facts,
@@ -140,8 +120,38 @@ struct Images<'a> {
     doubts: Vec<Option<Vec<bool>>>,
 }
 
-impl Images<'_> {
-    fn size(&self, grid: Grid) -> [usize; 2] {
+impl<'a> Images<'a> {
+    /// The images of a filter's first `count` stages, and what their gathers' guards decide by.
+    ///
+    /// # Panics
+    /// If the scene was loaded without a plane that one of them needs.
+    pub fn of(scene: &'a Scene, filter: &'a Checked<'a>, count: usize) -> (Self, Vec<Weighed>) {
+        let facts = Facts::of(scene);
+        let (planes, doubts) = (BTreeMap::new(), Vec::new());
+        let mut images = Self { filter, scene, facts, planes, doubts };
+        let mut gathers = Vec::new();
+        for (k, stage) in filter.filter().stages.iter().enumerate().take(count) {
+            let grid = stage.grid;
+            let components = match &stage.kind {
+                StageKind::Map(value) => {
+                    images.doubts.push(images.doubt_of_map(value, grid));
+                    images.map(value, grid)
+                }
+                StageKind::Gather(gather) => {
+                    let (components, sums) = images.gather(gather, grid);
+                    images.doubts.push(images.doubt_of_gather(gather, grid, &sums));
+                    gathers.push(Weighed { stage: k, sums });
+                    components
+                }
+            };
+            let planes = (0..).map(|component| StagePlane { stage: k as u16, component });
+            images.planes.extend(planes.zip(components));
+        }
+        (images, gathers)
+    }
+
+    /// Columns and rows of a grid.
+    pub fn size(&self, grid: Grid) -> [usize; 2] {
         [self.scene.layout().width(), self.scene.layout().height()].map(|n| grid.along(n))
     }
 
@@ -217,8 +227,8 @@ impl Images<'_> {
         }
     }
 
-    /// A formula at every pixel, component by component.
-    fn map(&self, value: &Tree, grid: Grid) -> Vec<Vec<f64>> {
+    /// A formula of one pixel at every pixel, component by component.
+    pub fn map(&self, value: &Tree, grid: Grid) -> Vec<Vec<f64>> {
         let [width, height] = self.size(grid);
         let rows = (0..height).into_par_iter().map(|y| {
             let mut row = vec![Vec::with_capacity(width); value.width()];
@@ -240,6 +250,36 @@ impl Images<'_> {
         stacked(rows.collect(), value.width())
     }
 
+    /// The weights that a gather gives the pixels around one of its grid, each with its place;
+    /// pixels beside the image have none.
+    pub fn weights(
+        &self,
+        gather: &Gather,
+        grid: Grid,
+        [x, y]: [usize; 2],
+    ) -> Vec<([usize; 2], f64)> {
+        let constants = &self.filter.filter().constants;
+        let mut evaluator = Evaluator::new(&gather.weight, false, constants);
+        let around = neighbours(self.size(grid), gather.window, [x, y]);
+        around.map(|at| (at, self.weight(&mut evaluator, grid, [x, y], at))).collect()
+    }
+
+    /// The weight of one pixel of a grid for another.
+    fn weight(
+        &self,
+        evaluator: &mut Evaluator<'_>,
+        grid: Grid,
+        i: [usize; 2],
+        j: [usize; 2],
+    ) -> f64 {
+        let place = |at: [usize; 2]| at.map(|n| n as i64);
+        evaluator.run(|source, from| match from {
+            Place::Side(Side::I) => self.read(source, grid, place(i)),
+            Place::Side(Side::J) => self.read(source, grid, place(j)),
+            Place::Shift(..) => unreachable!("weights look at i and j alone"),
+        })[0]
+    }
+
     /// A weighted mean at every pixel, component by component, and its variance; and what
     /// its guard decides by.
     fn gather(&self, gather: &Gather, grid: Grid) -> (Vec<Vec<f64>>, Vec<Sums>) {
@@ -258,11 +298,7 @@ impl Images<'_> {
                 let mut sums = vec![0.0; count];
                 let (mut total, mut magnitude, mut bound) = (0.0, 0.0, 0.0f64);
                 for [u, v] in neighbours([width, height], gather.window, [x, y]) {
-                    let weight = evaluator.run(|source, place| match place {
-                        Place::Side(Side::I) => self.read(source, grid, [x as i64, y as i64]),
-                        Place::Side(Side::J) => self.read(source, grid, [u as i64, v as i64]),
-                        Place::Shift(..) => unreachable!("weights look at i and j alone"),
-                    })[0];
+                    let weight = self.weight(&mut evaluator, grid, [x, y], [u, v]);
                     let at = v * width + u;
                     let mut greatest = weight.abs();
                     for (sum, of) in sums.iter_mut().zip(&of) {
