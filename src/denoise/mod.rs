@@ -29,7 +29,8 @@ use std::sync::atomic::Ordering::Relaxed;
 use glob::Pattern;
 
 use crate::backend::{Backend, Watch};
-use crate::filter::{Filter, shipped};
+use crate::expr::Feature;
+use crate::filter::{Carrying, Filter, shipped};
 use crate::image::Image;
 use crate::plan::{Passes, Precision};
 use crate::scene::listing::Aux;
@@ -79,8 +80,6 @@ pub struct Frame {
 struct Loaded {
     target: Target,
     pixels: Pixels,
-    /// The filter of its layers, if there are any.
-    carrying: Option<Filter>,
 }
 
 enum Pixels {
@@ -162,15 +161,9 @@ impl<'a> Denoiser<'a> {
             let channels = [(); 3].map(|()| alpha.clone());
             layers.push(LayerChannels { name: alpha, channels });
         }
-        let carrying = match layers.is_empty() {
-            true => None,
-            false => Some(self.filter.carrying().ok_or_else(|| DenoiseError::Carries {
-                path: target.path().to_owned(),
-                filter: self.filter.name.clone(),
-            })?),
-        };
-        if let Some(carrying) = &carrying {
-            let checked = carrying.check().expect("it was checked when it was made");
+        if !layers.is_empty() {
+            let carrying = self.carrying(&target, 1)?;
+            let checked = carrying.filter.check().expect("it was checked when it was made");
             needs = needs.union(checked.needs());
             reach = reach.max(checked.reach());
         }
@@ -195,7 +188,15 @@ impl<'a> Denoiser<'a> {
             false => Pixels::InMemory(Box::new(Scene::of(&target, &layers, &needs, reach, load)?)),
             true => Pixels::Spilled(Box::new(SpilledScene::load(&target, &needs, reach, load)?)),
         };
-        Ok(Loaded { target, pixels, carrying })
+        Ok(Loaded { target, pixels })
+    }
+
+    /// The filter of so many layers.
+    fn carrying(&self, target: &Target, layers: usize) -> Result<Carrying, DenoiseError> {
+        self.filter.carrying(layers).ok_or_else(|| DenoiseError::Carries {
+            path: target.path().to_owned(),
+            filter: self.filter.name.clone(),
+        })
     }
 
     /// Filters a frame.
@@ -232,28 +233,34 @@ impl<'a> Denoiser<'a> {
         match &loaded.pixels {
             Pixels::Spilled(scene) => scene.layout().height(),
             Pixels::InMemory(scene) => {
-                // An alpha is filtered twice: with what it covers, and with white.
-                let white = usize::from(self.filters_alpha_of(&loaded.target));
-                scene.layout().height() * (1 + scene.layers().count() + white)
+                let pictures = self.pictures(&loaded.target, scene);
+                // The colour of a single weight is filtered on its own.
+                let alone = usize::from(pictures == 0 || self.filter.paper().is_some());
+                scene.layout().height() * (alone + pictures.div_ceil(Feature::PICTURES))
             }
         }
     }
 
     fn filter_picture(&self, loaded: Loaded, watch: &Watch<'_>) -> Result<Picture, DenoiseError> {
-        let Loaded { target, pixels, carrying } = loaded;
+        let Loaded { target, pixels } = loaded;
         let filter = &self.filter;
         let (passes, strength) = (self.options.passes, self.options.strength.unwrap_or(1.0));
         let how = How { passes, strength, watch };
         let mut layers = Vec::new();
-        let (image, mut applied, notes) = match pixels {
+        let (image, applied, notes) = match pixels {
             Pixels::InMemory(scene) => {
                 let missing = scene.missing().to_vec();
                 let scene = if self.options.filters_alpha { scene.without_alpha() } else { *scene };
-                let (image, applied) = apply(filter, &scene, self.backend, how)?;
                 let notes = scene.notes().to_vec();
-                if let Some(carrying) = &carrying {
-                    layers = self.filter_layers(&target, carrying, scene, how)?;
-                }
+                let has_layers = scene.layers().next().is_some();
+                let (image, applied) = match has_layers {
+                    false => apply(filter, &scene, self.backend, how)?,
+                    true => {
+                        let (image, others, applied) = self.filter_layers(&target, scene, how)?;
+                        layers = others;
+                        (image, applied)
+                    }
+                };
                 (image.blackened(&missing), applied, notes)
             }
             Pixels::Spilled(scene) => {
@@ -262,14 +269,9 @@ impl<'a> Denoiser<'a> {
                 (image.blackened(scene.missing()), applied, scene.notes().to_vec())
             }
         };
-        for (_, took) in &layers {
-            applied.planning += took.planning;
-            applied.compilation += took.compilation;
-            applied.filtering += took.filtering;
-        }
         let origin = target.window()?.origin;
         let layers: Vec<Image> =
-            layers.into_iter().map(|(layer, _)| layer.with_origin(origin)).collect();
+            layers.into_iter().map(|layer: Image| layer.with_origin(origin)).collect();
         let mut image = image.with_channels(target.color_channels()?).with_origin(origin);
         if let Some(alpha) = layers.last().filter(|_| self.filters_alpha_of(&target)) {
             image = image.with_alpha(Some(alpha.rgb()[0].to_vec()));
@@ -283,35 +285,63 @@ impl Denoiser<'_> {
         self.options.filters_alpha && target.alpha().is_some()
     }
 
-    /// Filters the layers of a scene; the alpha is the last of them, if it is one.
+    /// How many pictures are filtered beside the colour: an alpha with what it covers, and with
+    /// white.
+    fn pictures(&self, target: &Target, scene: &Scene) -> usize {
+        scene.layers().count() + usize::from(self.filters_alpha_of(target))
+    }
+
+    /// Filters a scene and its layers; the alpha is the last of them, if it is one.
     fn filter_layers(
         &self,
         target: &Target,
-        carrying: &Filter,
         mut scene: Scene,
         how: How<'_>,
-    ) -> Result<Vec<(Image, Applied)>, DenoiseError> {
+    ) -> Result<(Image, Vec<Image>, Applied), DenoiseError> {
         let layers: Vec<LayerChannels> = scene.layers().cloned().collect();
-        let mut filtered = Vec::with_capacity(layers.len());
-        for (k, LayerChannels { channels, .. }) in layers.iter().enumerate() {
-            scene = scene.with_layer(k);
-            let (mut layer, applied) = apply(carrying, &scene, self.backend, how)?;
-            if k + 1 == layers.len() && self.filters_alpha_of(target) {
-                // Light is divided by the albedo and multiplied by it again, which keeps what
-                // is lit evenly. What covers a pixel is not lit: it is kept where it is even.
-                scene = scene.with_white();
-                let (white, _) = apply(carrying, &scene, self.backend, how)?;
-                let shares = layer.rgb()[0].iter().zip(white.rgb()[0]);
-                let share = |(&a, &one): (&f32, &f32)| if one > 0.0 { a / one } else { a };
-                let alpha: Vec<f32> = shares.map(share).collect();
-                let (width, height) = layer.size();
-                let rgb = [alpha.clone(), alpha.clone(), alpha];
-                layer = Image::new(layer.name(), width, height, rgb).expect("the same size");
-            }
-            let layer = layer.with_channels(channels.clone());
-            filtered.push((layer.blackened(scene.missing_of_layer(k)), applied));
+        let mut pictures: Vec<[Vec<f32>; 3]> =
+            (0..layers.len()).map(|k| scene.layer(k).clone()).collect();
+        if self.filters_alpha_of(target) {
+            let white = vec![1.0; scene.layout().pixels()];
+            pictures.push([white.clone(), white.clone(), white]);
         }
-        Ok(filtered)
+        // The colour of a single weight has code of its own, which gives other bits.
+        let mut color = match self.filter.paper() {
+            Some(_) => Some(apply(&self.filter, &scene, self.backend, how)?),
+            None => None,
+        };
+        let mut filtered: Vec<Image> = Vec::with_capacity(pictures.len());
+        for together in pictures.chunks(Feature::PICTURES) {
+            let carrying = self.carrying(target, together.len())?;
+            scene = scene.with_pictures(together);
+            let (images, took) =
+                code::apply_pictures(&carrying, &scene, together, self.backend, how)?;
+            let mut images = images.into_iter();
+            let first = images.next().expect("the colour comes first");
+            filtered.extend(images);
+            let (_, applied) = color.get_or_insert((first, Applied::nothing(&took)));
+            applied.planning += took.planning;
+            applied.compilation += took.compilation;
+            applied.filtering += took.filtering;
+        }
+        if self.filters_alpha_of(target) {
+            // Light is divided by the albedo and multiplied by it again, which keeps what
+            // is lit evenly. What covers a pixel is not lit: it is kept where it is even.
+            let white = filtered.pop().expect("white is the last");
+            let alpha = filtered.last_mut().expect("the alpha is the last layer");
+            let shares = alpha.rgb()[0].iter().zip(white.rgb()[0]);
+            let share = |(&a, &one): (&f32, &f32)| if one > 0.0 { a / one } else { a };
+            let covered: Vec<f32> = shares.map(share).collect();
+            let (width, height) = alpha.size();
+            let rgb = [covered.clone(), covered.clone(), covered];
+            *alpha = Image::new(alpha.name(), width, height, rgb).expect("the same size");
+        }
+        let finished = filtered.into_iter().zip(&layers).enumerate().map(|(k, (layer, named))| {
+            layer.with_channels(named.channels.clone()).blackened(scene.missing_of_layer(k))
+        });
+        let finished = finished.collect();
+        let (image, applied) = color.expect("there is a layer");
+        Ok((image, finished, applied))
     }
 }
 

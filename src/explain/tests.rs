@@ -75,7 +75,7 @@ fn parts_are_those_of_the_filter_and_effects_those_of_leaving_them_out() {
             "rough[0][i]",
             "fine = mean of coarse * (albedo + 0.01)",
             "pow(distance2(pixel, pixel), 2) / 4",
-            "1 + rough[1][i] * coarse.variance[i]",
+            "1 + rough[1] * coarse.variance",
         ]
     );
     let found =
@@ -98,7 +98,7 @@ fn parts_are_those_of_the_filter_and_effects_those_of_leaving_them_out() {
             "near * pow(distance2(normal, normal), 2)",
             "0",
         ),
-        ("1 + rough[1][i] * coarse.variance[i]", "(1 + rough[1] * coarse.variance)", "1"),
+        ("1 + rough[1] * coarse.variance", "(1 + rough[1] * coarse.variance)", "1"),
         ("coarse = mean of light", "radius = 2\ndilation = 2", "radius = 0"),
     ];
     for (text, from, to) in rows {

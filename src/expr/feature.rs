@@ -239,14 +239,14 @@ features! {
         doc: "samples per pixel, at most 65536; 0 where nobody says how many",
         ..NOT_STORED
     }
-    /// Another picture that is filtered by the colour's weights.
+    /// Other pictures that are filtered by the colour's weights.
     Layer {
         name: "otherLayer",
-        width: 3,
+        width: 3 * Feature::PICTURES,
         unit: Unit::Light,
-        title: "another picture",
-        doc: "a picture that is filtered by the colour's weights (`denoise --layers`), relative to \
-              the image's exposure; the noisy colour where there is none",
+        title: "other pictures",
+        doc: "up to four pictures that are filtered by the colour's weights (`denoise --layers`), \
+              three components each, relative to the image's exposure; 0 where there is none",
         ..NOT_STORED
     }
     /// How noisy the image is as a whole: the same for all of its pixels.
@@ -262,6 +262,9 @@ features! {
 }
 
 impl Feature {
+    /// How many other pictures are filtered at a time.
+    pub const PICTURES: usize = 4;
+
     /// The feature's row.
     pub fn row(self) -> &'static FeatureRow {
         &TABLE[self as usize]

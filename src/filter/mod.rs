@@ -27,6 +27,7 @@ use crate::expr::feature::Feature;
 use crate::expr::symbol::Symbol;
 use crate::expr::tree::Tree;
 
+pub use carry::Carrying;
 pub use check::{Checked, FilterError, Resolved};
 pub use file::{FilterFileError, formula};
 pub use show::{reads, show, stages};

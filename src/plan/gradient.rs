@@ -101,14 +101,16 @@ impl Gradient {
     /// If a feature is absent that the filter cannot do without.
     pub fn new(filter: &Checked<'_>, facts: &Facts, passes: Passes) -> Result<Self, PlanError> {
         let mut scheduler = Scheduler::new(filter, facts, passes, true)?;
-        let output = scheduler.forward()?;
+        scheduler.forward()?;
+        let last = filter.filter().stages.len() as u16 - 1;
+        let output = scheduler.output(last);
         let owed = output.map(|output| match output {
             Output::Plane(_) => Some(scheduler.unknown()),
             Output::Constant(_) => None,
         });
         scheduler.kernels.push(Kernel::Given(owed.iter().copied().flatten().collect()));
         let (kept, totals) = Reverse::new(&mut scheduler).run(output, owed);
-        let program = scheduler.finish(output, kept);
+        let program = scheduler.finish(&[last], kept);
         let given = |kernel: &Kernel| matches!(kernel, Kernel::Given(_));
         // Nothing hangs on a constant: all that is left is forward.
         let backward = program.kernels.iter().position(given).unwrap_or(program.kernels.len());

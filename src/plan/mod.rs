@@ -42,7 +42,7 @@ use crate::expr::builder::LIMIT;
 use crate::expr::feature::PlaneId;
 use crate::expr::interval::Interval;
 use crate::expr::tree::Tree;
-use crate::filter::{Checked, Window};
+use crate::filter::{Carrying, Checked, Window};
 use crate::scene::facts::{Fact, Facts};
 
 pub use cost::Effort;
@@ -139,6 +139,23 @@ impl Plan {
             }
             None => Ok(Self::Program(Box::new(Program::new(filter, facts, passes)?))),
         }
+    }
+
+    /// Plans a filter of several pictures by the weights of the first.
+    ///
+    /// # Errors
+    /// If a feature is absent that the filter cannot do without.
+    ///
+    /// # Panics
+    /// If the filter makes no sense.
+    pub fn of_pictures(
+        carrying: &Carrying,
+        facts: &Facts,
+        passes: Passes,
+    ) -> Result<Self, PlanError> {
+        let checked = carrying.filter.check().expect("it was checked when it was made");
+        let program = Program::of_pictures(&checked, &carrying.results(), facts, passes)?;
+        Ok(Self::Program(Box::new(program)))
     }
 
     /// The weights over one window, unless it is a program.

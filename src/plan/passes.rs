@@ -30,6 +30,8 @@ pub struct Passes {
     pub inline: bool,
     /// Means by equal weights are sums down columns and then along rows.
     pub separate: bool,
+    /// Means by the same weight are taken together.
+    pub dedupe: bool,
     /// How accurate functions are made: no pass, as it says how far off results may be.
     pub precision: Precision,
 }
@@ -122,6 +124,12 @@ pub const PASSES: &[PassRow] = &[
         exact: false,
         switch: |p| &mut p.separate,
     },
+    PassRow {
+        name: "dedupe",
+        doc: "means by the same weight are taken together, as those of other layers are",
+        exact: true,
+        switch: |p| &mut p.dedupe,
+    },
 ];
 
 impl Passes {
@@ -139,6 +147,7 @@ impl Passes {
         uniform: true,
         inline: true,
         separate: true,
+        dedupe: true,
         precision: Precision::Standard,
     };
 
@@ -156,6 +165,7 @@ impl Passes {
         uniform: false,
         inline: false,
         separate: false,
+        dedupe: false,
         precision: Precision::Standard,
     };
 

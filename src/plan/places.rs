@@ -71,7 +71,7 @@ impl Program {
             last.extend(kernel.writes().into_iter().map(|plane| (plane, k)));
             last.extend(kernel.looks().into_iter().map(|look| (look.plane, k)));
         }
-        for output in self.output {
+        for &output in self.outputs.iter().flatten() {
             if let Output::Plane(plane) = output {
                 last.insert(plane, self.kernels.len());
             }

@@ -37,7 +37,7 @@ use crate::expr::interval::Interval;
 use crate::expr::symbol::{Source, StagePlane, Symbol};
 use crate::expr::tape::{Input, Instr, Side, Tape, Value};
 use crate::expr::tree::Tree;
-use crate::filter::{Checked, Filter, Gather, Grid, Resolved, StageKind, Window};
+use crate::filter::{Checked, Filter, Gather, Grid, Resolved, Stage, StageKind, Window};
 use crate::scene::{Fact, Facts};
 
 /// A component of the filtered colour.
@@ -58,8 +58,10 @@ pub struct Program {
     pub buffers: BTreeMap<StagePlane, Edges>,
     /// By kernel and what it [looks](Kernel::looks) at: the kernel that writes that.
     pub(super) writers: Vec<Vec<usize>>,
-    /// The filtered colour.
-    pub output: [Output; 3],
+    /// The stages that give results: the last, or of several pictures each one's.
+    pub results: Vec<u16>,
+    /// What they give.
+    pub outputs: Vec<[Output; 3]>,
     /// The features' planes that kernels read.
     pub inputs: BTreeSet<PlaneId>,
     /// What is taken for granted of the features' planes that the filter reads; back ends
@@ -77,7 +79,21 @@ impl Program {
     /// # Errors
     /// If a feature is absent that the filter cannot do without.
     pub fn new(filter: &Checked<'_>, facts: &Facts, passes: Passes) -> Result<Self, PlanError> {
-        Scheduler::new(filter, facts, passes, false)?.program()
+        let last = filter.filter().stages.len() as u16 - 1;
+        Self::of_pictures(filter, &[last], facts, passes)
+    }
+
+    /// The same of a filter several of whose stages are results: those of these numbers.
+    ///
+    /// # Errors
+    /// If a feature is absent that the filter cannot do without.
+    pub fn of_pictures(
+        filter: &Checked<'_>,
+        results: &[u16],
+        facts: &Facts,
+        passes: Passes,
+    ) -> Result<Self, PlanError> {
+        Scheduler::new(filter, facts, passes, false)?.program(results)
     }
 
     /// The rows that each kernel has to compute, on its own grid, for these rows of the
@@ -90,7 +106,10 @@ impl Program {
             *known = known.start.min(rows.start)..known.end.max(rows.end);
         };
         for (k, kernel) in self.kernels.iter().enumerate() {
-            if kernel.writes().iter().any(|&plane| self.output.contains(&Output::Plane(plane))) {
+            let is_result = |&plane: &StagePlane| {
+                self.outputs.iter().any(|output| output.contains(&Output::Plane(plane)))
+            };
+            if kernel.writes().iter().any(is_result) {
                 extend(&mut needed[k], rows.clone());
             }
         }
@@ -209,13 +228,13 @@ impl<'a> Scheduler<'a> {
         })
     }
 
-    fn program(mut self) -> Result<Program, PlanError> {
-        let output = self.forward()?;
-        Ok(self.finish(output, BTreeSet::new()))
+    fn program(mut self, results: &[u16]) -> Result<Program, PlanError> {
+        self.forward()?;
+        Ok(self.finish(results, BTreeSet::new()))
     }
 
-    /// Adds the kernels of all stages. Returns where the filtered colour stands.
-    pub(super) fn forward(&mut self) -> Result<[Output; 3], PlanError> {
+    /// Adds the kernels of all stages.
+    pub(super) fn forward(&mut self) -> Result<(), PlanError> {
         let filter = self.filter.filter();
         for (k, stage) in filter.stages.iter().enumerate() {
             self.grid = stage.grid;
@@ -228,18 +247,24 @@ impl<'a> Scheduler<'a> {
                 StageKind::Gather(gather) => self.gather(gather, k)?,
             }
         }
-        let last = filter.stages.len() as u16 - 1;
-        Ok([0, 1, 2].map(|component| {
-            let plane = StagePlane { stage: last, component };
+        Ok(())
+    }
+
+    /// Where what a stage gives stands.
+    pub(super) fn output(&self, stage: u16) -> [Output; 3] {
+        [0, 1, 2].map(|component| {
+            let plane = StagePlane { stage, component };
             match self.known[&plane] {
                 Component { constant: true, range } => Output::Constant(range.lo),
                 Component { constant: false, .. } => Output::Plane(plane),
             }
-        }))
+        })
     }
 
-    /// The schedule of the kernels that are needed for the output and for other planes.
-    pub(super) fn finish(self, output: [Output; 3], others: BTreeSet<StagePlane>) -> Program {
+    /// The schedule of the kernels that are needed for what these stages give, and for other
+    /// planes.
+    pub(super) fn finish(self, results: &[u16], others: BTreeSet<StagePlane>) -> Program {
+        let outputs = results.iter().map(|&stage| self.output(stage)).collect();
         let filter = self.filter.filter();
         let planes = self.filter.needs().named().cloned().unwrap_or_default();
         let facts = assumed(planes.into_iter(), self.facts, self.passes);
@@ -250,7 +275,7 @@ impl<'a> Scheduler<'a> {
             true => fuse(self.kernels, self.passes.share),
             false => self.kernels,
         };
-        finish(kernels, output, others, filter.clone(), facts)
+        finish(kernels, (results.to_vec(), outputs), others, filter.clone(), facts)
     }
 
     /// A plane on the grid of the stage at hand, where it is resampled unless it stands there.
@@ -438,6 +463,9 @@ impl<'a> Scheduler<'a> {
                 stage
             });
         }
+        if variance.is_none() && self.joins(gather, &weight, stage, &of, &averaged) {
+            return Ok(());
+        }
         let variance = variance.map(|(source, known)| (self.stored(source, known), known));
         let channels = averaged.len() + usize::from(variance.is_some()) + 1;
         let range = |source| self.range(source);
@@ -506,6 +534,68 @@ impl<'a> Scheduler<'a> {
         }));
         self.gathered.insert(stage, gathered);
         Ok(())
+    }
+
+    /// Has a gather's planes averaged by the kernel of an earlier one with the same weight, if
+    /// there is one and what is averaged does not hang on it. What that takes moves before the
+    /// kernel.
+    fn joins(
+        &mut self,
+        gather: &Gather,
+        weight: &Tree,
+        stage: usize,
+        of: &[(StagePlane, Component)],
+        averaged: &[usize],
+    ) -> bool {
+        let filter = self.filter.filter();
+        let same = |(&earlier, gathered): (&usize, &Gathered)| {
+            let Stage { kind: StageKind::Gather(other), grid, .. } = &filter.stages[earlier] else {
+                return false;
+            };
+            *grid == self.grid && other.window == gather.window && gathered.weight == *weight
+        };
+        if !self.passes.dedupe || self.tuned {
+            return false;
+        }
+        let Some((&earlier, _)) = self.gathered.iter().find(|&entry| same(entry)) else {
+            return false;
+        };
+        let is_it =
+            |kernel: &Kernel| matches!(kernel, Kernel::Gather(other) if other.stage == earlier);
+        // Means over windows by equal weights have kernels of their own.
+        let Some(at) = self.kernels.iter().position(is_it) else { return false };
+        // The kernels behind it that what is averaged takes.
+        let mut wanted: BTreeSet<StagePlane> = averaged.iter().map(|&k| of[k].0).collect();
+        let mut moved: Vec<usize> = Vec::new();
+        for k in (at..self.kernels.len()).rev() {
+            if self.kernels[k].writes().iter().any(|plane| wanted.contains(plane)) {
+                if k == at {
+                    return false;
+                }
+                wanted.extend(self.kernels[k].looks().into_iter().map(|look| look.plane));
+                moved.push(k);
+            }
+        }
+        for (place, &k) in (at..).zip(moved.iter().rev()) {
+            let kernel = self.kernels.remove(k);
+            self.kernels.insert(place, kernel);
+        }
+        let Kernel::Gather(kernel) = &mut self.kernels[at + moved.len()] else {
+            unreachable!("it was found there")
+        };
+        let whole = Interval::new(-LIMIT, LIMIT);
+        for &k in averaged {
+            let (source, component) = of[k];
+            let range = match kernel.signed || !self.passes.facts {
+                true => whole,
+                false => component.range,
+            };
+            let plane = StagePlane { stage: stage as u16, component: k as u16 };
+            self.known.insert(plane, Component { range, constant: false });
+            kernel.channels.push(source);
+            kernel.writes.push((plane, range));
+        }
+        true
     }
 
     /// A plane that holds what is known, also if that is a constant.
@@ -657,14 +747,14 @@ fn not_a_point(range: Interval) -> Interval {
 /// Leaves out what nobody needs, and finds who writes what is read.
 fn finish(
     kernels: Vec<Kernel>,
-    output: [Output; 3],
+    (results, outputs): (Vec<u16>, Vec<[Output; 3]>),
     others: BTreeSet<StagePlane>,
     filter: Filter,
     facts: Facts,
 ) -> Program {
     let mut buffers: BTreeMap<StagePlane, Edges> =
         others.into_iter().map(|plane| (plane, Edges::default())).collect();
-    for output in output {
+    for &output in outputs.iter().flatten() {
         if let Output::Plane(plane) = output {
             buffers.entry(plane).or_default();
         }
@@ -707,7 +797,7 @@ fn finish(
     let writers = writers.collect();
     let inputs = kept.iter().flat_map(Kernel::features).collect();
     let reach = kept.iter().map(Kernel::reach).max().unwrap_or(0);
-    Program { kernels: kept, buffers, writers, output, inputs, facts, reach, filter }
+    Program { kernels: kept, buffers, writers, results, outputs, inputs, facts, reach, filter }
 }
 
 /// A map without the results that nobody reads.

@@ -67,7 +67,6 @@ use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, PlaneId, Quantity};
 use crate::image::exr::{Unfinished, Window};
 use crate::image::{Attributes, Image};
-use plane::Edge;
 use raw::Origin;
 
 /// How scenes are loaded.
@@ -190,27 +189,24 @@ impl Scene {
         self.layers.iter().map(|(channels, _)| channels)
     }
 
-    /// The same scene with one of its layers as what is filtered: as the noisy colour, and as
-    /// `otherLayer` for formulas; weights look at the colour as before.
+    /// The pixels of a layer that it was loaded with, as the file has them.
     ///
     /// # Panics
     /// If there is no such layer.
-    #[must_use]
-    pub fn with_layer(self, layer: usize) -> Self {
-        let channels = self.layers[layer].1.clone();
-        self.with_picture(&channels)
+    pub fn layer(&self, layer: usize) -> &[Vec<f32>; 3] {
+        &self.layers[layer].1
     }
 
-    /// The same with an image that is white everywhere.
+    /// The same scene with these pictures, pixel by pixel in the file's units, as `otherLayer`:
+    /// what is filtered by the weights of the colour.
+    ///
+    /// # Panics
+    /// If they are more than [`Feature::PICTURES`] or of another size.
     #[must_use]
-    pub fn with_white(self) -> Self {
-        let white = vec![1.0; self.layout.pixels()];
-        self.with_picture(&[white.clone(), white.clone(), white])
-    }
-
-    fn with_picture(mut self, channels: &[Vec<f32>; 3]) -> Self {
-        self.color = channels.each_ref().map(|c| Samples::new(self.layout, c, Edge::Zero));
+    pub fn with_pictures(mut self, pictures: &[[Vec<f32>; 3]]) -> Self {
+        assert!(pictures.len() <= Feature::PICTURES, "so many are read at a time");
         let Normalization { exposure, color_scale, .. } = self.normalization;
+        let channels = pictures.iter().flatten();
         for (id, channel) in PlaneId::of(Feature::Layer, Quantity::Value).zip(channels) {
             if let Some(plane) = self.planes.get_mut(&id) {
                 let scaled = channel.iter().map(|&x| color_scale.apply(x / exposure));

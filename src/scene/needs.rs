@@ -93,9 +93,6 @@ impl Needs {
                 stored.insert((feature, Quantity::Variance));
             }
         }
-        if self.wants(Feature::Layer, Quantity::Value) {
-            stored.insert((Feature::Color, Quantity::Value));
-        }
         let tells = [Feature::Measured, Feature::Grain];
         if tells.into_iter().any(|feature| self.wants(feature, Quantity::Value)) {
             stored.insert((Feature::Color, Quantity::Variance));

@@ -263,9 +263,10 @@ impl Maker<'_> {
                 let planes = grain.unwrap_or_default().map(|x| vec![x; self.layout.pixels()]);
                 return Ok(Some(planes.into()));
             }
+            // Whoever filters layers puts them here (`Scene::with_pictures`).
             Feature::Layer => {
-                // Where there is none, the colour stands in for it.
-                return self.normalized(Feature::Color);
+                let nothing = vec![0.0; self.layout.pixels()];
+                return Ok(Some(vec![nothing; Feature::Layer.width()]));
             }
             Feature::Samples => {
                 return everywhere(self.samples.unwrap_or(0).min(MOST_SAMPLES) as f32);

@@ -44,7 +44,7 @@ fn parts_are_told_with_what_the_error_is_without_them() {
     assert!(error(&term) > 2.0 * error(&told["filtered"]), "{told}");
     assert_eq!((term["stage"].as_str(), term["kind"].as_str()), (Some("smooth"), Some("term")));
     let pass = part("smooth = mean of color");
-    assert_eq!(pass["rel_mse"], told["noisy"]["rel_mse"]);
+    assert!((error(&pass) / error(&told["noisy"]) - 1.0).abs() < 1e-6, "{told}");
     assert_eq!(part("normal")["needed"], true);
     let interp = place.done(&[&explain[..], &["--json", "--backend", "interp"]].concat());
     assert_eq!(json(&interp), told);
@@ -72,7 +72,9 @@ fn a_page_holds_everything() {
 #[test]
 fn what_cannot_be_explained_is_said() {
     let place = Place::new();
-    let explain = |more: &[&str]| [&["explain", EDGE_AWARE, "--scene"][..], more].concat();
+    fn explain<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        [&["explain", EDGE_AWARE, "--scene"][..], more].concat()
+    }
     place.fails(1, &explain(&["nowhere"]), &["nowhere", "no such file"]);
     place.fails(2, &explain(&["room", "--at", "3,4"]), &["--html"]);
     let outside = explain(&["room", "--html", "page.html", "--at", "4000,0"]);

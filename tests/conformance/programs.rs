@@ -23,6 +23,7 @@ pub(crate) const CASES: &[(&str, fn())] = &[
     ("programs::random_programs", random_programs),
     ("programs::tiles_give_the_bits_of_the_whole", tiles_give_the_bits_of_the_whole),
     ("programs::frames_at_once_give_what_they_give_alone", frames_at_once),
+    ("programs::several_pictures", several_pictures),
     ("programs::shipped_programs", shipped_programs),
 ];
 
@@ -171,6 +172,30 @@ fn frames_at_once() {
         running.into_iter().map(|thread| thread.join().expect("no panic")).collect()
     });
     assert!(alone == together);
+}
+
+/// Pictures by the weights of the colour, in tiles too.
+fn several_pictures() {
+    let pixels = |salt: u32| [0, 1, 2].map(|k| fixture::noise(70 * 41, salt + k));
+    let scene = fixture::scene(70, 41, 5).with_pictures(&[pixels(20), pixels(30)]);
+    let carrying = shipped::best().carrying(2).expect("it carries others");
+    let plan = Plan::of_pictures(&carrying, &Facts::of(&scene), Passes::ALL).expect("a plan");
+    let run = |backend: &dyn Backend| {
+        let code = backend.compile(&plan).expect("compiles");
+        code.run(&scene, &[Rect::whole(&scene)]).expect("runs")
+    };
+    let (got, expected) = (run(&open(1 << 30, Precision::Standard)), run(&Interpreter));
+    assert_eq!((got.len(), expected.len()), (3, 3));
+    for (k, (got, expected)) in got.iter().zip(&expected).enumerate() {
+        let apart = apart(got, expected);
+        assert!(apart < ACCURACY, "picture {k}: {apart:e} from the interpreter");
+    }
+    let none = open(1, Precision::Standard).compile(&plan).expect("compiles");
+    let needed = match none.run(&scene, &[Rect::whole(&scene)]) {
+        Err(BackendError::Gpu(GpuError::TooLittleMemory { needed, .. })) => needed,
+        other => panic!("a byte is enough? {other:?}"),
+    };
+    assert!(run(&open(needed + needed / 2, Precision::Standard)) == got);
 }
 
 /// The shipped programs, on a made scene beside the exact meaning, and on a render beside

@@ -11,7 +11,7 @@ use tamis::backend::reference::meaning::{self, Meaning};
 use tamis::backend::reference::oracle::Pixel;
 use tamis::backend::{Backend, Executable, Filtered, Interpreter, Rect};
 use tamis::expr::Feature;
-use tamis::filter::Filter;
+use tamis::filter::{Filter, shipped};
 use tamis::plan::{Kernel, PASSES, Passes, Plan, Program};
 use tamis::scene::{Facts, LoadOptions, Scene};
 
@@ -153,6 +153,67 @@ fn passes_change_little(filter: &Filter, scene: &Scene, bound: f64) {
         for jit in machine_code() {
             let schedule = schedule(filter, scene, passes);
             assert_eq!(whole(&jit, &schedule, scene), filtered, "{name}, {:?}", jit.width());
+        }
+    }
+}
+
+/// Pictures that are filtered by the weights of the colour, in one pass.
+#[test]
+fn other_pictures_cost_no_weights_of_their_own() {
+    let scene = fixture::scene(48, 33, 8);
+    let pixels = scene.layout().pixels();
+    let color = scene.noisy().rgb().map(<[f32]>::to_vec);
+    let half = color.clone().map(|channel| channel.iter().map(|x| x / 2.0).collect());
+    let noise = [7, 8, 9].map(|salt| fixture::noise(pixels, salt));
+    let gathers = |program: &Program| {
+        program.kernels.iter().filter(|kernel| matches!(kernel, Kernel::Gather(_))).count()
+    };
+    for filter in shipped::programs() {
+        let name = filter.name.clone();
+        let alone = program(&filter, &scene, Passes::ALL);
+        let carrying = filter.carrying(3).expect("shipped filters carry others");
+        let scene = scene.clone().with_pictures(&[half.clone(), noise.clone(), color.clone()]);
+        let plan = |passes| {
+            Plan::of_pictures(&carrying, &Facts::of(&scene), passes).expect("it has every feature")
+        };
+        let run = |backend: &dyn Backend, plan: &Plan| {
+            let code = backend.compile(plan).expect("it compiles");
+            code.run(&scene, &[Rect::whole(&scene)]).expect("it runs")
+        };
+        let together = plan(Passes::ALL);
+        let Plan::Program(shared) = &together else { panic!("{name} is a program") };
+        assert_eq!(gathers(shared), gathers(&alone), "{name}");
+        let apart = plan(Passes::ALL.without("dedupe").expect("a pass"));
+        let Plan::Program(several) = &apart else { panic!("{name} is a program") };
+        // Some gathers average no colour.
+        assert!(gathers(several) >= gathers(&alone) + 3, "{name}");
+
+        let results = run(&Interpreter, &together);
+        assert_eq!(results.len(), 4);
+        let own = whole(&Interpreter, &Plan::Program(Box::new(alone)), &scene);
+        assert_eq!(results[0].pixels, own.pixels, "{name}: the colour is what it was");
+        assert!(run(&Interpreter, &apart) == results, "{name}: dedupe changes no bit");
+        #[cfg(feature = "jit")]
+        for jit in machine_code() {
+            assert!(run(&jit, &together) == results, "{name}, {:?}", jit.width());
+        }
+        let exact = run(&tamis::backend::Exact, &together);
+        for (picture, (results, exact)) in results.iter().zip(&exact).enumerate() {
+            let brightest = exact.pixels.as_flattened().iter().fold(0.0f32, |a, b| a.max(b.abs()));
+            let pairs = results.pixels.as_flattened().iter().zip(exact.pixels.as_flattened());
+            let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(worst < 1e-5 * brightest, "{name}, picture {picture}: {worst:e}");
+        }
+        // Half of the light is half of the result, and the light itself all of it.
+        for ((own, half), same) in own
+            .pixels
+            .as_flattened()
+            .iter()
+            .zip(results[1].pixels.as_flattened())
+            .zip(results[3].pixels.as_flattened())
+        {
+            let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * (1.0 + b.abs());
+            assert!(near(2.0 * half, *own) && near(*same, *own), "{name}: {half} {same} {own}");
         }
     }
 }
@@ -447,7 +508,7 @@ fn layers_of_thousands_of_constants_work() {
 #[test]
 fn shipped_programs_mean_the_same_to_everyone() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for filter in tamis::filter::shipped::programs() {
+    for filter in shipped::programs() {
         let checked = filter.check().expect("shipped filters make sense");
         let file = root.join("data/test/showroom/4spp.exr");
         let scene = Scene::load(&file, &checked.needs(), checked.reach(), &LoadOptions::default());

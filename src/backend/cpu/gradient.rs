@@ -78,7 +78,7 @@ where
         walk(0..self.gradient.backward, &mut strip, &mut scratch)?;
 
         let mut colors = vec![[0.0f32; 3]; layout.pixels()];
-        for (component, output) in program.output.into_iter().enumerate() {
+        for (component, output) in program.outputs[0].into_iter().enumerate() {
             match output {
                 Output::Constant(x) => colors.iter_mut().for_each(|color| color[component] = x),
                 Output::Plane(plane) => {

@@ -199,7 +199,7 @@ impl<E: Engine> ProgramCode<E> {
                 traffic[places[&look.plane]].1.push(reader);
             }
         }
-        for output in program.output {
+        for &output in program.outputs.iter().flatten() {
             if let Output::Plane(plane) = output {
                 traffic[places[&plane]].1.push(Reader { kernel: None, above: 0 });
             }
@@ -313,6 +313,16 @@ impl Strip<'_> {
     }
 }
 
+/// Takes so many pixels off the front of each picture.
+fn split_off<'p>(pictures: &mut [&'p mut [[f32; 3]]], count: usize) -> Vec<&'p mut [[f32; 3]]> {
+    let front = |rest: &mut &'p mut [[f32; 3]]| {
+        let (front, after) = std::mem::take(rest).split_at_mut(count);
+        *rest = after;
+        front
+    };
+    pictures.iter_mut().map(front).collect()
+}
+
 /// How planes of a grid lie.
 fn on_grid(layout: Layout, grid: Grid) -> Layout {
     match grid {
@@ -346,23 +356,21 @@ where
             })
         });
         let strips: Vec<Rect> = strips.collect();
-        let mut pixels = vec![[0.0; 3]; strips.iter().map(Rect::pixels).sum()];
-        let mut rest = pixels.as_mut_slice();
-        let parts = strips.iter().map(|rect| {
-            let (part, after) = std::mem::take(&mut rest).split_at_mut(rect.pixels());
-            rest = after;
-            (*rect, part)
-        });
-        let parts: Vec<(Rect, &mut [[f32; 3]])> = parts.collect();
+        let count: usize = strips.iter().map(Rect::pixels).sum();
+        let mut pictures = vec![vec![[0.0; 3]; count]; self.program.outputs.len()];
+        let mut rest: Vec<&mut [[f32; 3]]> = pictures.iter_mut().map(Vec::as_mut_slice).collect();
+        let parts: Vec<(Rect, Vec<&mut [[f32; 3]]>)> =
+            strips.iter().map(|rect| (*rect, split_off(&mut rest, rect.pixels()))).collect();
         let kept = parts
             .into_par_iter()
-            .map_init(Scratch::<E>::default, |scratch, (rect, pixels)| {
-                self.strip(scene, rect, pixels, scratch, watch)
+            .map_init(Scratch::<E>::default, |scratch, (rect, pictures)| {
+                self.strip(scene, rect, pictures, scratch, watch)
             })
             .collect::<Result<Vec<Vec<usize>>, BackendError>>()?;
         let stages = 0..self.program.filter.stages.len();
-        let kept = stages.map(|k| kept.iter().map(|strip| strip[k]).sum()).collect();
-        Ok(vec![Filtered { pixels, kept }])
+        let kept: Vec<usize> = stages.map(|k| kept.iter().map(|strip| strip[k]).sum()).collect();
+        let filtered = |pixels| Filtered { pixels, kept: kept.clone() };
+        Ok(pictures.into_iter().map(filtered).collect())
     }
 }
 
@@ -371,7 +379,7 @@ impl<E: Engine> ProgramCode<E> {
         &self,
         scene: &Scene,
         rect: Rect,
-        mut pixels: &mut [[f32; 3]],
+        mut pictures: Vec<&mut [[f32; 3]]>,
         scratch: &mut Scratch<E>,
         watch: &Watch<'_>,
     ) -> Result<Vec<usize>, BackendError> {
@@ -405,9 +413,11 @@ impl<E: Engine> ProgramCode<E> {
                     self.rows(k, &self.values[k], part, &mut strip, scratch)?;
                 }
             }
-            let (wave, rest) = pixels.split_at_mut((bottom - top) * rect.width);
-            pixels = rest;
-            self.take(&strip, Rect { y: top, height: bottom - top, ..rect }, wave);
+            let rows = Rect { y: top, height: bottom - top, ..rect };
+            for (picture, pixels) in split_off(&mut pictures, rows.pixels()).into_iter().enumerate()
+            {
+                self.take(&strip, picture, rows, pixels);
+            }
             watch(bottom - top);
         }
         Ok(strip.kept)
@@ -459,11 +469,11 @@ impl<E: Engine> ProgramCode<E> {
         Ok(())
     }
 
-    /// Takes the colours of a wave, in the units of the file.
-    fn take(&self, strip: &Strip<'_>, rect: Rect, pixels: &mut [[f32; 3]]) {
+    /// Takes a picture's colours of a wave, in the units of the file.
+    fn take(&self, strip: &Strip<'_>, picture: usize, rect: Rect, pixels: &mut [[f32; 3]]) {
         let exposure = strip.scene.normalization().exposure;
         for (y, row) in (rect.y..).zip(pixels.chunks_exact_mut(rect.width)) {
-            for (component, output) in self.program.output.into_iter().enumerate() {
+            for (component, output) in self.program.outputs[picture].into_iter().enumerate() {
                 match output {
                     Output::Constant(x) => {
                         row.iter_mut().for_each(|pixel| pixel[component] = x * exposure);

@@ -108,7 +108,7 @@ fn on_grid(rect: Rect, grid: Grid) -> [usize; 2] {
 
 impl Kernels for SceneProgram<'_> {
     fn results(&self) -> usize {
-        1
+        self.code.shader.results
     }
 
     fn stages(&self) -> usize {
@@ -120,12 +120,12 @@ impl Kernels for SceneProgram<'_> {
     }
 
     fn needs(&self, tile: &Tile) -> Needs {
-        let ProgramShader { features, stages, .. } = &self.code.shader;
+        let ProgramShader { features, stages, results, .. } = &self.code.shader;
         let number = size_of::<f32>();
         Needs {
             near: (tile.region.pixels() * features.len() * number) as u64,
             own: 0,
-            result: (tile.rect.pixels() * QUAD * number) as u64,
+            result: (tile.rect.pixels() * results * QUAD * number) as u64,
             kept: (stages * size_of::<u32>()) as u64,
         }
     }

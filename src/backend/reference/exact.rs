@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::meaning;
+use super::meaning::Images;
 use super::oracle;
 use crate::backend::{ACCURACY, color_at};
 use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect, Watch, inside};
@@ -33,7 +33,10 @@ impl Backend for Exact {
                 let stage = |weight: &Tree| Gather::of_color(weight.clone(), plan.window());
                 Box::new(Meaning { stages: plan.expressions().iter().map(stage).collect() })
             }
-            Plan::Program(program) => Box::new(Whole { filter: program.filter.clone() }),
+            Plan::Program(program) => {
+                let (filter, results) = (program.filter.clone(), program.results.clone());
+                Box::new(Whole { filter, results })
+            }
         })
     }
 }
@@ -41,6 +44,8 @@ impl Backend for Exact {
 /// A program's exact meaning.
 struct Whole {
     filter: Filter,
+    /// The stages that give results.
+    results: Vec<u16>,
 }
 
 impl Executable for Whole {
@@ -58,14 +63,14 @@ impl Executable for Whole {
             return Err(BackendError::NotLoaded(plane));
         }
         // A pixel hangs on all those around it, so that a part takes as long as the whole.
-        let exact = meaning::of(scene, &checked);
+        let (images, gathers) = Images::of(scene, &checked, self.filter.stages.len());
         let width = scene.layout().width();
         let inside = |rect: &Rect, [x, y]: [usize; 2]| {
             (rect.x..rect.x + rect.width).contains(&x)
                 && (rect.y..rect.y + rect.height).contains(&y)
         };
         let mut kept = vec![0; self.filter.stages.len()];
-        for gather in &exact.gathers {
+        for gather in &gathers {
             let grid = self.filter.stages[gather.stage].grid;
             let (columns, step) = (grid.along(width), grid.step());
             for (k, _) in gather.sums.iter().enumerate().filter(|(_, sums)| !sums.is_trusted()) {
@@ -73,13 +78,18 @@ impl Executable for Whole {
                 kept[gather.stage] += region.iter().filter(|rect| inside(rect, at)).count();
             }
         }
-        let rows = region.iter().flat_map(|&rect| {
-            (rect.y..rect.y + rect.height).map(move |y| (y * width + rect.x, rect.width))
+        let pictures = self.results.iter().map(|&stage| {
+            let exact = images.pixels(stage);
+            let rows = region.iter().flat_map(|&rect| {
+                (rect.y..rect.y + rect.height).map(move |y| (y * width + rect.x, rect.width))
+            });
+            let pixels = rows.flat_map(|(start, width)| &exact[start..start + width]);
+            let pixels = pixels.map(|pixel| pixel.color.map(|c| c as f32)).collect();
+            Filtered { pixels, kept: kept.clone() }
         });
-        let pixels = rows.flat_map(|(start, width)| &exact.pixels[start..start + width]);
-        let pixels = pixels.map(|pixel| pixel.color.map(|c| c as f32)).collect();
+        let pictures = pictures.collect();
         watch(rows_of(region));
-        Ok(vec![Filtered { pixels, kept }])
+        Ok(pictures)
     }
 }
 

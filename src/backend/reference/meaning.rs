@@ -69,24 +69,8 @@ fn weight(scene: &Scene, gather: &Gather) -> Meaning {
 fn program(scene: &Scene, filter: &Checked<'_>) -> Meaning {
     let stages = &filter.filter().stages;
     let (images, gathers) = Images::of(scene, filter, stages.len());
-    let last = stages.len() as u16 - 1;
-    let result = |component| &images.planes[&StagePlane { stage: last, component }];
-    let exposure = f64::from(scene.normalization().exposure);
-    let [r, g, b] = [result(0), result(1), result(2)];
-    let doubt = images.doubts.last().expect("there is a stage");
-    let field = filter.receptive_field();
-    let size = [scene.layout().width(), scene.layout().height()];
-    let brightest = scene.color().each_ref().map(|channel| {
-        let magnitude = (0..size[1]).flat_map(|y| channel.pixels(y)).map(|c| f64::from(c.abs()));
-        greatest_around(magnitude.collect(), size, field)
-    });
-    let pixel = |k: usize| Pixel {
-        color: [r[k], g[k], b[k]].map(|x| x * exposure),
-        condition: 1.0,
-        least: brightest.each_ref().map(|channel| exposure.max(channel[k] * LEAKED)),
-        promised: doubt.as_ref().is_none_or(|doubt| !doubt[k]),
-    };
-    Meaning { pixels: (0..r.len()).map(pixel).collect(), gathers, darkest: exposure }
+    let pixels = images.pixels(stages.len() as u16 - 1);
+    Meaning { pixels, gathers, darkest: f64::from(scene.normalization().exposure) }
 }
 
 /// The share of the brightest colour in its receptive field that errors of a pixel are
@@ -148,6 +132,29 @@ impl<'a> Images<'a> {
             images.planes.extend(planes.zip(components));
         }
         (images, gathers)
+    }
+
+    /// What a stage gives as a colour, pixel by pixel.
+    pub fn pixels(&self, stage: u16) -> Vec<Pixel> {
+        let scene = self.scene;
+        let result = |component| &self.planes[&StagePlane { stage, component }];
+        let exposure = f64::from(scene.normalization().exposure);
+        let [r, g, b] = [result(0), result(1), result(2)];
+        let doubt = &self.doubts[usize::from(stage)];
+        let field = self.filter.receptive_field();
+        let size = [scene.layout().width(), scene.layout().height()];
+        let brightest = scene.color().each_ref().map(|channel| {
+            let magnitude =
+                (0..size[1]).flat_map(|y| channel.pixels(y)).map(|c| f64::from(c.abs()));
+            greatest_around(magnitude.collect(), size, field)
+        });
+        let pixel = |k: usize| Pixel {
+            color: [r[k], g[k], b[k]].map(|x| x * exposure),
+            condition: 1.0,
+            least: brightest.each_ref().map(|channel| exposure.max(channel[k] * LEAKED)),
+            promised: doubt.as_ref().is_none_or(|doubt| !doubt[k]),
+        };
+        (0..r.len()).map(pixel).collect()
     }
 
     /// Columns and rows of a grid.

@@ -66,6 +66,8 @@ pub struct ProgramShader {
     pub half: usize,
     /// How many stages the filter has, and so numbers in `kept`.
     pub stages: usize,
+    /// How many pictures it gives; a pixel's stand side by side in `result`.
+    pub results: usize,
     /// How far beside the pixels that are wanted a region reaches.
     pub halo: usize,
 }
@@ -99,7 +101,7 @@ impl ProgramShader {
             }
             k += together.len();
         }
-        kernels.push(writer.take(program.output));
+        kernels.push(writer.take(&program.outputs));
         let taps = writer.taps;
         let names: Vec<String> = features.iter().map(|plane| plane.identifier()).collect();
         let (full, half) = (places.full, places.half);
@@ -113,6 +115,7 @@ impl ProgramShader {
             full,
             half,
             stages: program.filter.stages.len(),
+            results: program.outputs.len(),
             halo: program.halo(),
         }
     }
@@ -227,9 +230,8 @@ struct Resampled {
 struct TakeTemplate {
     workgroup: [u32; 2],
     name: String,
-    red: String,
-    green: String,
-    blue: String,
+    /// Red, green and blue of every picture.
+    pictures: Vec<[String; 3]>,
 }
 
 struct Writer<'a> {
@@ -475,14 +477,17 @@ impl Writer<'_> {
         KernelShader { name, text: rendered(&template), grid: Some(grid), work, traffic }
     }
 
-    fn take(&self, output: [Output; 3]) -> KernelShader {
-        let [red, green, blue] = output.map(|output| match output {
+    fn take(&self, outputs: &[[Output; 3]]) -> KernelShader {
+        let component = |output: Output| match output {
             Output::Plane(plane) => format!("planes[{} + place]", self.to(plane)),
             Output::Constant(x) => literal(x),
-        });
+        };
+        let pictures = outputs.iter().map(|output| output.map(component)).collect();
         let name = "take".to_owned();
-        let template = TakeTemplate { workgroup: WORKGROUP, name: name.clone(), red, green, blue };
-        KernelShader { name, text: rendered(&template), grid: None, work: 8, traffic: 7.0 }
+        let template = TakeTemplate { workgroup: WORKGROUP, name: name.clone(), pictures };
+        let count = outputs.len();
+        let (work, traffic) = (8 * count as u64, 7.0 * count as f64);
+        KernelShader { name, text: rendered(&template), grid: None, work, traffic }
     }
 }
 

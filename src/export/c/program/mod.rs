@@ -203,7 +203,7 @@ impl Writer<'_> {
             upper: &self.upper,
             images: images.collect(),
             kernels: &self.functions,
-            outputs: subject.program.output.iter().map(|output| self.output(output)).collect(),
+            outputs: subject.program.outputs[0].iter().map(|output| self.output(output)).collect(),
         };
         let _ = writeln!(text, "\n{}", filter.render().expect("as above"));
         text
