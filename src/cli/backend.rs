@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::error::Error;
 use super::log::Log;
-use crate::backend::{Backend, Exact, Interpreter};
+use crate::backend::{Backend, Differentiator, Exact, Interpreter};
 use crate::plan::{Passes, Precision};
 
 /// What runs filters on the processor.
@@ -17,6 +17,15 @@ pub(super) enum Processor {
     Jit,
     /// The interpreter: the same bits, more slowly
     Interp,
+}
+
+/// Work for a back end that differentiates, whichever it is.
+pub(super) trait OnProcessor {
+    /// What comes of it.
+    type Output;
+
+    /// Does it.
+    fn on(self, backend: &(impl Backend + Differentiator)) -> Result<Self::Output, Error>;
 }
 
 impl Processor {
@@ -29,13 +38,34 @@ impl Processor {
             #[cfg(feature = "jit")]
             Self::Jit => Ok(Box::new(lanes.open()?)),
             #[cfg(not(feature = "jit"))]
-            Self::Jit => Err(Error::NoMachineCode {
-                reason: "the program was built without the feature `jit`".to_owned(),
-            }),
+            Self::Jit => Err(no_machine_code()),
             Self::Interp if lanes != Lanes::Auto => Err(lanes.refused()),
             Self::Interp => Ok(Box::new(Interpreter)),
         }
     }
+
+    /// Does work on the back end, if this computer has it.
+    pub(super) fn run<W: OnProcessor>(self, lanes: Lanes, work: W) -> Result<W::Output, Error> {
+        match self {
+            #[cfg(feature = "jit")]
+            Self::Jit => work.on(&lanes.open()?),
+            #[cfg(not(feature = "jit"))]
+            Self::Jit => Err(no_machine_code()),
+            Self::Interp if lanes != Lanes::Auto => Err(lanes.refused()),
+            Self::Interp => work.on(&Interpreter),
+        }
+    }
+
+    /// As on the command line.
+    pub(super) fn name(self) -> String {
+        let value = self.to_possible_value().expect("none is skipped");
+        value.get_name().to_owned()
+    }
+}
+
+#[cfg(not(feature = "jit"))]
+fn no_machine_code() -> Error {
+    Error::NoMachineCode { reason: "the program was built without the feature `jit`".to_owned() }
 }
 
 /// How wide the vectors of machine code are.

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use crate::denoise::DenoiseError;
-use crate::evolve;
+use crate::evolve::{self, programs};
 use crate::explain;
 use crate::export::ExportError;
 use crate::filter::{FilterFileError, ResizeError};
@@ -40,6 +40,9 @@ pub(super) enum Error {
     /// The search.
     #[error(transparent)]
     Search(#[from] evolve::Error),
+    /// A worker of a search.
+    #[error(transparent)]
+    Worker(#[from] programs::ServeError),
     /// Tuning.
     #[error(transparent)]
     Tuning(Box<tune::Error>),
@@ -213,6 +216,9 @@ pub(super) enum Error {
         /// Why not.
         source: rayon::ThreadPoolBuildError,
     },
+    /// A thread beside those could not be started.
+    #[error("cannot start a thread: {0}; end other programs, or raise the limit (ulimit -u)")]
+    Thread(io::Error),
     /// The results could not be printed.
     #[error("cannot write to stdout: {0}")]
     Stdout(io::Error),
@@ -233,16 +239,7 @@ impl From<tune::Error> for Error {
 impl Error {
     /// What went wrong with its causes, as far as it does not name them itself.
     pub(super) fn with_causes(&self) -> String {
-        let mut text = self.to_string();
-        let mut cause = std::error::Error::source(self);
-        while let Some(error) = cause {
-            let detail = error.to_string();
-            if !text.contains(&detail) {
-                text = format!("{text}: {detail}");
-            }
-            cause = error.source();
-        }
-        text
+        evolve::with_causes(self)
     }
 
     /// The exit status that says so.
@@ -260,6 +257,7 @@ impl Error {
             | Self::NoSuchScenes { .. }
             | Self::FilterFile(_)
             | Self::Search(_)
+            | Self::Worker(_)
             | Self::Tuning(_)
             | Self::Interrupted { .. }
             | Self::Explain(_)
@@ -280,6 +278,7 @@ impl Error {
             | Self::Locked { .. }
             | Self::Signal(_)
             | Self::Threads { .. }
+            | Self::Thread(_)
             | Self::Stdout(_) => 1,
         }
     }

@@ -88,6 +88,8 @@ enum Command {
     Denoise(denoise::Denoise),
     /// Search for a filter on training scenes
     Evolve(evolve::Evolve),
+    /// Judge programs for a search that runs elsewhere; `evolve` starts this
+    Worker(evolve::Worker),
     /// Tune a program's constants on scenes, by gradients
     Tune(tune::Tune),
     /// Measure how far an image is from its reference
@@ -138,6 +140,7 @@ impl Command {
         let text = match self {
             Self::Denoise(command) => command.run(log, started),
             Self::Evolve(command) => return command.run(log),
+            Self::Worker(command) => return command.run(),
             Self::Tune(command) => command.run(log),
             Self::Compare(command) => command.run(),
             Self::Score(command) => command.run(log),

@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 
-use super::backend::{LanesArgs, Processor};
+use super::backend::{LanesArgs, OnProcessor, Processor};
 use super::error::Error;
 use super::log::Log;
 use super::recall::Recall;
 use super::{interrupt, resolve, scenes};
-use crate::backend::{Backend, Differentiator, Interpreter};
+use crate::backend::{Backend, Differentiator};
 use crate::filter::Filter;
 use crate::image::{Lock, check_folder, write_atomically};
 use crate::report::chart::{Chart, Point, Series};
@@ -197,19 +197,23 @@ impl Parameters {
     }
 }
 
+/// A run on a back end.
+struct Tuning<'a> {
+    command: &'a Tune,
+    log: Log,
+}
+
+impl OnProcessor for Tuning<'_> {
+    type Output = String;
+
+    fn on(self, backend: &(impl Backend + Differentiator)) -> Result<String, Error> {
+        self.command.run_on(backend, self.log)
+    }
+}
+
 impl Tune {
     pub(super) fn run(&self, log: Log) -> Result<String, Error> {
-        match self.backend {
-            Processor::Interp => {
-                // What cannot be is said as everywhere.
-                self.backend.open(self.lanes.lanes)?;
-                self.run_on(&Interpreter, log)
-            }
-            #[cfg(feature = "jit")]
-            Processor::Jit => self.run_on(&self.lanes.lanes.open()?, log),
-            #[cfg(not(feature = "jit"))]
-            Processor::Jit => Err(self.backend.open(self.lanes.lanes).err().expect("it is absent")),
-        }
+        self.backend.run(self.lanes.lanes, Tuning { command: self, log })
     }
 
     fn run_on(&self, backend: &(impl Backend + Differentiator), log: Log) -> Result<String, Error> {

@@ -82,7 +82,7 @@ mod variation;
 
 pub use crate::tune::{Checkpoints, Control, Ending};
 pub use checkpoint::Checkpoint;
-pub use error::Error;
+pub use error::{Error, with_causes};
 pub use event::Event;
 pub use fitness::Fitness;
 pub use images::{Coverage, ImageFitness, JudgeError, Restriction, TrainingScene};

@@ -16,6 +16,7 @@ mod streams;
 mod stress;
 mod tune;
 mod whole;
+mod workers;
 
 use std::fs;
 use std::process::Stdio;

@@ -325,7 +325,7 @@ fn a_search_lets_only_stable_filters_win_if_asked_to() {
 }
 
 /// A search for programs of a few seconds.
-fn programs<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+pub(crate) fn programs<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let mut arguments = vec!["evolve", "--scenes", "room", "--validate", "room", "--out", out];
     arguments.extend(["--population", "5", "--children", "5", "--tune-steps", "2", "--crop", "8"]);
     arguments.extend(["--exam", "8", "--finish-steps", "3", "--interval", "1"]);

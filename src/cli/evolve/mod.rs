@@ -6,6 +6,8 @@ mod preset;
 mod programs;
 mod record;
 mod weights;
+mod worker;
+mod workers;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -24,6 +26,8 @@ use crate::image::{ImageError, Lock, check_folder};
 use crate::tune::SealedError;
 use parameters::{Parameters, Tabled};
 use preset::Preset;
+pub(super) use worker::Worker;
+use workers::WorkersArgs;
 
 const BEST: &str = "best.toml";
 const HISTORY: &str = "history.csv";
@@ -39,13 +43,14 @@ Examples:
   tamis evolve --scenes renders/a renders/b --validate renders/c --max-time 600
   tamis evolve --preset paper --seed 7 --out runs/7
   tamis evolve --out runs/7 --resume --generations 400
+  tamis evolve --preset programs --worker-command 'ssh node7 tamis worker'
 
 Writes best.toml (the filter and where it comes from), summary.md, history.csv
 and checkpoint.json into the output folder, and of programs front/, those of which none is
 better by error, predicted time and size, with a chart, front.svg. Does not write over an older
 search, unless with --overwrite. With every checkpoint best.toml is the best so far. Ctrl-C ends the
 search at once with that; --resume goes on from there, on the same scenes. The same seed finds
-the same filter with any number of threads. One search at a time writes into a folder.
+the same filter with any number of threads and workers. One search at a time writes into a folder.
 
 Values in brackets are the presets' own.";
 
@@ -104,6 +109,9 @@ pub(super) struct Evolve {
     require_stable: bool,
 
     #[command(flatten)]
+    workers: WorkersArgs,
+
+    #[command(flatten)]
     parameters: Parameters,
 }
 
@@ -141,12 +149,13 @@ impl Evolve {
     }
 
     fn refuse_what_programs_have(&self) -> Result<(), Error> {
-        match self.validate.is_empty() {
-            true => Ok(()),
-            false => Err(Error::Usage(
-                "--validate is of searches for programs (--preset quick or programs)".to_owned(),
-            )),
-        }
+        let option = match (self.validate.is_empty(), self.workers.are_given()) {
+            (true, false) => return Ok(()),
+            (false, _) => "--validate is",
+            (true, true) => "--workers and --worker-command are",
+        };
+        let text = format!("{option} of searches for programs (--preset quick or programs)");
+        Err(Error::Usage(text))
     }
 
     /// Makes the output folder, checks that it can be written, and keeps others out of it.

@@ -10,15 +10,15 @@ use std::sync::{Arc, Mutex};
 use super::{
     BEST, CHECKPOINT, Evolve, HISTORY, SCENES, SUMMARY, interrupted, no_provisional, record,
 };
-use crate::backend::{Backend, Differentiator, Interpreter};
-use crate::cli::backend::Processor;
+use crate::backend::{Backend, Differentiator};
+use crate::cli::backend::OnProcessor;
 use crate::cli::error::Error;
 use crate::cli::log::Log;
 use crate::cli::measure::Measuring;
 use crate::cli::recall::Recall;
 use crate::cli::{Report, resolve, scenes};
 use crate::evolve::programs::{
-    Checkpoint, Event, Finalist, Judge, Outcome, SEED, Search, Settings, history, seed,
+    Checkpoint, Event, Farm, Finalist, Judge, News, Outcome, SEED, Search, Settings, history, seed,
 };
 use crate::filter::{Filter, stages};
 use crate::image::{ImageError, write_atomically};
@@ -44,18 +44,21 @@ const RIVALS: [&str; 3] = ["cross-bilateral", "kan2017", "tamis"];
 
 /// Runs a search; `settings` are those of a new one, and nothing for one that goes on.
 pub(super) fn run(command: &Evolve, settings: Option<Settings>, log: Log) -> Result<Report, Error> {
-    match command.backend {
-        Processor::Interp => {
-            // What cannot be is said as everywhere.
-            command.backend.open(command.lanes.lanes)?;
-            run_on(command, settings, &Interpreter, log)
-        }
-        #[cfg(feature = "jit")]
-        Processor::Jit => run_on(command, settings, &command.lanes.lanes.open()?, log),
-        #[cfg(not(feature = "jit"))]
-        Processor::Jit => {
-            Err(command.backend.open(command.lanes.lanes).err().expect("it is absent"))
-        }
+    command.backend.run(command.lanes.lanes, Breeding { command, settings, log })
+}
+
+/// A search on a back end.
+struct Breeding<'a> {
+    command: &'a Evolve,
+    settings: Option<Settings>,
+    log: Log,
+}
+
+impl OnProcessor for Breeding<'_> {
+    type Output = Report;
+
+    fn on(self, backend: &(impl Backend + Differentiator)) -> Result<Report, Error> {
+        run_on(self.command, self.settings, backend, self.log)
     }
 }
 
@@ -72,6 +75,7 @@ fn run_on(
                 .to_owned(),
         ));
     }
+    let places = command.workers.places(command.backend, command.lanes)?;
     let _lock = command.claim()?;
     let checkpoint = match settings {
         Some(_) => None,
@@ -108,7 +112,17 @@ fn run_on(
     Recall::of(&training, &validation).write(&command.out.join(SCENES))?;
     let stop = Arc::new(AtomicBool::new(false));
     let control = command.control(&stop, log);
-    let progress = Progress::new(log, settings.generations, control.time_limit);
+    let progress = Arc::new(Progress::new(log, settings.generations, control.time_limit));
+    if !places.is_empty() {
+        let terms = command.workers.terms(places, &training);
+        let shown = Arc::clone(&progress);
+        let hear = move |news: News| match news.is_warning() {
+            true => shown.warn(news),
+            false => shown.say(news),
+        };
+        let briefing = search.briefing().map_err(interrupted)?;
+        search = search.judged_by(Farm::start(briefing, terms, hear)?);
+    }
     let provisional =
         Provisional { settings: &settings, out: &command.out, causes: Mutex::default() };
     let outcome = search.run(&control, &|event| {
@@ -177,7 +191,7 @@ fn arguments(command: &Evolve) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Error> {
 }
 
 /// Scenes with what programs may read and the filter to begin with does.
-fn load(
+pub(super) fn load(
     arguments: &[PathBuf],
     settings: &Settings,
     initial: &Filter,

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::genome::Genome;
 use super::history::Row;
 use super::judge::Judged;
 use super::settings::Settings;
-use crate::evolve::{Error, encoding};
-use crate::filter::Filter;
+use super::written::{Exact, WrittenProgram, text};
+use crate::evolve::Error;
+use crate::filter::{Filter, FilterFileError};
 use crate::scene::Fingerprint;
 use crate::tune::{SealedError, read_sealed, write_sealed};
 
@@ -56,25 +56,12 @@ struct Written {
     settings: Settings,
     pictures: Vec<Fingerprint>,
     next: u32,
-    population: Vec<Member>,
+    population: Vec<WrittenProgram>,
     history: Vec<Row>,
     judged: u64,
     dropped: u64,
     validated: Option<Exact>,
     waiting: u32,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Exact(#[serde(with = "encoding::exact")] f64);
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Member {
-    filter: String,
-    scores: Vec<Exact>,
-    error: Exact,
-    cost: Exact,
-    steps: u32,
 }
 
 impl Checkpoint {
@@ -106,26 +93,15 @@ impl Checkpoint {
     /// If the file cannot be read, is none or is damaged.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let written: Written = read_sealed(path, FORMAT)?;
-        let parsed = |text: &str| {
-            Filter::parse(text, path).map_err(|error| SealedError::Content {
-                path: path.to_owned(),
-                source: serde::de::Error::custom(error),
-            })
+        let content = |error: FilterFileError| SealedError::Content {
+            path: path.to_owned(),
+            source: serde::de::Error::custom(error),
         };
-        let population = written.population.iter().map(|member| {
-            let genome =
-                Genome::new(parsed(&member.filter)?).expect("a filter that was parsed makes sense");
-            Ok(Judged {
-                genome,
-                scores: member.scores.iter().map(|score| score.0).collect(),
-                error: member.error.0,
-                cost: member.cost.0,
-                steps: member.steps,
-            })
-        });
+        let population = written.population.into_iter().map(|member| member.read(path));
+        let population = population.collect::<Result<_, _>>().map_err(content)?;
         let state = State {
             next: written.next,
-            population: population.collect::<Result<_, Error>>()?,
+            population,
             history: written.history,
             judged: written.judged,
             dropped: written.dropped,
@@ -133,7 +109,8 @@ impl Checkpoint {
             waiting: written.waiting,
         };
         let (settings, pictures) = (written.settings, written.pictures);
-        Ok(Self { initial: parsed(&written.initial)?, settings, pictures, state })
+        let initial = Filter::parse(&written.initial, path).map_err(content)?;
+        Ok(Self { initial, settings, pictures, state })
     }
 
     /// Writes it; a file of that name stays whole until the new one is.
@@ -141,21 +118,13 @@ impl Checkpoint {
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        let text = |filter: &Filter| filter.to_toml(toml::Table::new());
         let State { next, population, history, judged, dropped, validated, waiting } = &self.state;
-        let member = |judged: &Judged| Member {
-            filter: text(judged.genome.filter()),
-            scores: judged.scores.iter().map(|&score| Exact(score)).collect(),
-            error: Exact(judged.error),
-            cost: Exact(judged.cost),
-            steps: judged.steps,
-        };
         let written = Written {
             initial: text(&self.initial),
             settings: self.settings.clone(),
             pictures: self.pictures.clone(),
             next: *next,
-            population: population.iter().map(member).collect(),
+            population: population.iter().map(WrittenProgram::of).collect(),
             history: history.clone(),
             judged: *judged,
             dropped: *dropped,

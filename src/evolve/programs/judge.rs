@@ -14,9 +14,13 @@ use crate::tune::{self, Control, Score, Tuner, TuningScene, pictures, scores, st
 
 use super::genome::Genome;
 use super::settings::Settings;
+use crate::evolve::Error;
 
 /// Scenes of which finalists are compared with their exact meaning.
 const COMPARED: usize = 4;
+
+/// Most steps of the tuning that shows whether two judges agree.
+const PROBED: u32 = 2;
 
 /// Judges programs.
 pub struct Judge<'a, B> {
@@ -68,6 +72,22 @@ pub enum Verdict {
 /// would be better than it by all goals.
 pub type Bar<'b> = Option<&'b [f64]>;
 
+/// A program that is to be judged. With the settings, the training scenes and the filter that a
+/// search begins with, a job determines its verdict to the bit, on whatever machine.
+#[derive(Clone, Copy, Debug)]
+pub struct Job<'c> {
+    /// The program.
+    pub genome: &'c Genome,
+    /// Steps by which its constants were tuned before.
+    pub earlier: u32,
+    /// Steps by which they are tuned now; 0 for none.
+    pub steps: u32,
+    /// What it has to come near to, if anything.
+    pub bar: Bar<'c>,
+    /// Generation and place: names the random numbers.
+    pub name: [usize; 2],
+}
+
 impl<'a, B: Backend + Differentiator> Judge<'a, B> {
     /// One that judges on these scenes.
     ///
@@ -93,9 +113,19 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
         Ok(Self { settings, training, validation, backend, exam, facts, limit })
     }
 
-    /// Lets programs take so many nanoseconds per pixel, if the settings do not.
-    pub(super) fn allow(&mut self, cost: f64) {
+    /// Lets the filter that a search begins with take part, and whatever takes no longer.
+    ///
+    /// # Errors
+    /// If it reads what a training scene lacks.
+    pub(super) fn allow(&mut self, initial: &Filter) -> Result<(), Error> {
+        let cost = self.cost(initial).ok_or_else(|| Error::Setting {
+            name: "initial",
+            value: format!("`{}`", initial.name),
+            wanted: "it must not read what a training scene lacks, unless it says what stands in \
+                     for that",
+        })?;
         self.limit = self.limit.max(cost);
+        Ok(())
     }
 
     /// What the search was told.
@@ -106,6 +136,11 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
     /// The pictures that programs are judged by.
     pub fn pictures(&self) -> Vec<Fingerprint> {
         pictures(self.training, self.validation)
+    }
+
+    /// Those of them that children are judged by, in the order of the scenes.
+    pub(super) fn training_pictures(&self) -> Vec<Fingerprint> {
+        pictures(self.training, &[])
     }
 
     /// Whether every training scene has a quantity of a feature.
@@ -125,20 +160,13 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
         Some(Program::new(&checked, &self.facts, Passes::ALL).ok()?.cost())
     }
 
-    /// Judges a program after tuning it by some steps; `name` names the random numbers. Once
-    /// `stop` is raised, what it gives means nothing.
+    /// Tunes a program by some steps and judges it. Once `stop` is raised, what it gives means
+    /// nothing.
     ///
     /// # Errors
     /// If the back end fails.
-    pub fn judge(
-        &self,
-        genome: &Genome,
-        earlier: u32,
-        steps: u32,
-        bar: Bar<'_>,
-        name: [usize; 2],
-        stop: &Arc<AtomicBool>,
-    ) -> Result<Verdict, tune::Error> {
+    pub fn judge(&self, job: &Job<'_>, stop: &Arc<AtomicBool>) -> Result<Verdict, tune::Error> {
+        let Job { genome, earlier, steps, bar, name } = *job;
         match self.cost(genome.filter()) {
             Some(cost) if cost <= self.limit => {}
             Some(_) | None => return Ok(Verdict::Unfit),
@@ -159,6 +187,17 @@ impl<'a, B: Backend + Differentiator> Judge<'a, B> {
         let cost = self.cost(genome.filter()).expect("it was found above");
         let steps = earlier + steps;
         Ok(Verdict::Judged(Box::new(Judged { genome, scores, error, cost, steps })))
+    }
+
+    /// The verdict on the filter that a search begins with, after a step or two. Judges that give
+    /// the same bits here compute alike.
+    ///
+    /// # Errors
+    /// If the back end fails.
+    pub(super) fn probe(&self, initial: &Genome) -> Result<Verdict, tune::Error> {
+        let steps = self.settings.tune_steps.min(PROBED);
+        let job = Job { genome: initial, earlier: 0, steps, bar: None, name: [0, 0] };
+        self.judge(&job, &Arc::default())
     }
 
     /// Whether a program that is not tuned yet does not do far worse than another on the first

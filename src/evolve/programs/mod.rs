@@ -17,23 +17,35 @@
 //!
 //! The run time is [predicted](crate::plan::Program::cost) and not measured, and random streams
 //! are named, so that a search is the same on any machine with any number of threads.
+//!
+//! Nearly all of the time goes into judging children, which an [`Evaluator`] does: this process,
+//! or a [`Farm`] of workers that [`serve`] it on as many machines.
 
 mod checkpoint;
 mod crossover;
 mod draft;
+mod evaluator;
+mod farm;
 mod genome;
 pub mod history;
 mod judge;
 mod mutation;
+mod protocol;
 mod search;
 pub mod selection;
+mod serve;
 mod settings;
+mod written;
 
 pub use checkpoint::Checkpoint;
+pub use evaluator::{Batch, Evaluator, InProcess};
+pub use farm::{Farm, Launch, News, Terms};
 pub use genome::{Genome, Shape};
 pub use history::Row;
-pub use judge::{Bar, Judge, Judged, Verdict};
+pub use judge::{Bar, Job, Judge, Judged, Verdict};
+pub use protocol::Briefing;
 pub use search::{Event, Finalist, Outcome, Search};
+pub use serve::{ServeError, serve};
 pub use settings::{SEED, Settings};
 
 use crate::filter::Filter;

@@ -8,9 +8,11 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::checkpoint::{Checkpoint, State};
+use super::evaluator::{Batch, Evaluator, InProcess};
 use super::genome::{Genome, Shape};
 use super::history::Row;
-use super::judge::{Judge, Judged, Verdict};
+use super::judge::{Job, Judge, Judged, Verdict};
+use super::protocol::Briefing;
 use super::selection::{Goals, crowding, lexicase, ranks, survivors, tournament};
 use crate::backend::{ACCURACY, Backend, Differentiator};
 use crate::evolve::Error;
@@ -101,6 +103,7 @@ pub struct Outcome {
 /// A search under way.
 pub struct Search<'a, B> {
     judge: Judge<'a, B>,
+    evaluator: Box<dyn Evaluator>,
     features: Vec<(Feature, Quantity)>,
     initial: Genome,
     /// How far a stage of the filter that it begins with looks.
@@ -134,20 +137,11 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         features.retain(|&term| judge.has(term));
         let initial = Genome::new(initial).expect("whoever has a filter has checked it");
         // What it begins with may always take part, and its like.
-        match judge.cost(initial.filter()) {
-            Some(cost) => judge.allow(cost),
-            None => {
-                return Err(Error::Setting {
-                    name: "initial",
-                    value: format!("`{}`", initial.filter().name),
-                    wanted: "it must not read what a training scene lacks, unless it says what \
-                             stands in for that",
-                });
-            }
-        }
+        judge.allow(initial.filter())?;
         let reach = initial.filter().check().expect("genomes make sense").reach();
         let pictures = judge.pictures();
-        Ok(Self { judge, features, initial, reach, pictures, state: State::default() })
+        let (evaluator, state) = (Box::new(InProcess), State::default());
+        Ok(Self { judge, evaluator, features, initial, reach, pictures, state })
     }
 
     /// A search that goes on from a checkpoint, and ends with what the search that wrote it
@@ -162,6 +156,22 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
             return Err(Error::Picture { picture: picture.to_owned() });
         }
         Ok(Self { state, ..fresh })
+    }
+
+    /// What others have to know to judge the children of this search.
+    ///
+    /// # Errors
+    /// If the back end fails.
+    pub fn briefing(&self) -> Result<Briefing, Error> {
+        let probe = self.judge.probe(&self.initial).map_err(Error::fitness)?;
+        let (settings, initial) = (self.judge.settings(), self.initial.filter());
+        Ok(Briefing::new(settings, initial, self.judge.training_pictures(), &probe))
+    }
+
+    /// The same search, whose children somebody else judges.
+    #[must_use]
+    pub fn judged_by(self, evaluator: impl Evaluator + 'static) -> Self {
+        Self { evaluator: Box::new(evaluator), ..self }
     }
 
     /// What there is to go on from.
@@ -187,6 +197,7 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
         let watch = Watch::start(control);
         let mut keeper = Keeper::new(control);
         let bred = self.breed(&watch, &control.stop, &mut keeper, hear);
+        self.evaluator.release();
         self.keep(&mut keeper, hear);
         let ending = bred.map_err(|error| error.resumable(keeper.latest()))?;
         self.outcome(ending, &control.stop, hear).map_err(|error| error.resumable(keeper.latest()))
@@ -311,34 +322,36 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
     }
 
     /// Judges children, in any order; nothing if there was a reason to end before all were.
-    fn judged(
-        &self,
+    fn judged<'c>(
+        &'c self,
         generation: u32,
-        children: &[Child],
+        children: &'c [Child],
         watch: &Watch<'_>,
         stop: &Arc<AtomicBool>,
         hear: &(dyn Fn(Event<'_>) + Sync),
     ) -> Result<Option<Vec<Verdict>>, Error> {
-        let done = AtomicUsize::new(0);
-        let judge = |(index, child): (usize, &Child)| {
-            if watch.ending().is_some() {
-                return Ok(None);
-            }
-            let bar = self.bar(child);
+        let job = |(index, child): (usize, &'c Child)| {
+            let Child { ref genome, earlier, steps, .. } = *child;
             let name = [generation as usize, index];
-            let Child { genome, earlier, steps, .. } = child;
-            let verdict = self.judge.judge(genome, *earlier, *steps, bar, name, stop)?;
-            // What is tuned while somebody asks to stop is tuned by fewer steps.
-            if stop.load(Ordering::Relaxed) {
+            Job { genome, earlier, steps, bar: self.bar(child), name }
+        };
+        let jobs: Vec<Job<'_>> = children.par_iter().enumerate().map(job).collect();
+        let done = AtomicUsize::new(0);
+        let ended = || watch.ending().is_some();
+        let judge = |job: &Job<'_>| {
+            if ended() {
                 return Ok(None);
             }
+            let verdict = self.judge.judge(job, stop)?;
+            // What is tuned while somebody asks to stop is tuned by fewer steps.
+            Ok((!stop.load(Ordering::Relaxed)).then_some(verdict))
+        };
+        let heard = || {
             let judged = 1 + done.fetch_add(1, Ordering::Relaxed);
             hear(Event::Child { generation, judged, of: children.len() });
-            Ok(Some(verdict))
         };
-        let verdicts: Result<Vec<Option<Verdict>>, tune::Error> =
-            children.par_iter().enumerate().map(judge).collect();
-        Ok(verdicts.map_err(Error::fitness)?.into_iter().collect())
+        let batch = Batch { jobs: &jobs, judge: &judge, ended: &ended, heard: &heard };
+        self.evaluator.evaluate(&batch)
     }
 
     /// The scores of the best program that is neither slower nor larger than a child, if there is
@@ -495,16 +508,22 @@ impl<'a, B: Backend + Differentiator> Search<'a, B> {
 
     /// The filter that the search begins with.
     fn as_begun(&self) -> Result<Judged, tune::Error> {
-        match self.judge.judge(&self.initial, 0, 0, None, [0, 0], &Arc::default())? {
+        match self.scored(&self.initial, 0)? {
             Verdict::Judged(judged) => Ok(*judged),
             Verdict::Dropped | Verdict::Unfit => unreachable!("it was found fit, and has no bar"),
         }
     }
 
+    /// The verdict on a program as it is, tuned by so many steps before.
+    fn scored(&self, genome: &Genome, earlier: u32) -> Result<Verdict, tune::Error> {
+        let job = Job { genome, earlier, steps: 0, bar: None, name: [0, 0] };
+        self.judge.judge(&job, &Arc::default())
+    }
+
     fn finished(&self, winner: &Finalist, stop: &Arc<AtomicBool>) -> Result<Finalist, tune::Error> {
         let genome = self.judge.finished(&winner.judged.genome, stop)?;
         let steps = winner.judged.steps + self.judge.settings().finish_steps;
-        match self.judge.judge(&genome, steps, 0, None, [0, 0], &Arc::default())? {
+        match self.scored(&genome, steps)? {
             Verdict::Judged(judged) => self.finalist(*judged),
             Verdict::Dropped | Verdict::Unfit => Ok(winner.clone()),
         }

@@ -117,6 +117,13 @@ impl Progress {
         }
     }
 
+    pub(super) fn say(&self, remark: impl std::fmt::Display) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| self.log.say(remark)),
+            None => self.log.say(remark),
+        }
+    }
+
     pub(super) fn warn(&self, warning: impl std::fmt::Display) {
         match &self.bar {
             Some(bar) => bar.suspend(|| self.log.warn(warning)),
