@@ -142,7 +142,7 @@ impl Command {
             Self::Evolve(command) => return command.run(log),
             Self::Worker(command) => return command.run(),
             Self::Tune(command) => command.run(log),
-            Self::Compare(command) => command.run(),
+            Self::Compare(command) => command.run(log),
             Self::Score(command) => command.run(log),
             Self::Bench(command) => command.run(log),
             Self::Explain(command) => command.run(log),

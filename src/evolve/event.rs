@@ -37,6 +37,8 @@ pub enum Event<'a> {
         best: Option<&'a Individual>,
         /// How many expressions were judged.
         evaluations: usize,
+        /// The rows of all complete generations, one per island.
+        rows: &'a [Row],
         /// Why the checkpoint could not be written, if it could not, and no earlier one
         /// failed for the same cause.
         failure: Option<&'a Error>,

@@ -181,6 +181,7 @@ impl<'a, F: Fitness> Search<'a, F> {
             complete: self.state.next,
             best: self.best(),
             evaluations: self.state.memo.len(),
+            rows: &self.state.history,
             failure: failure.as_ref(),
         });
     }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::expr::{Feature, Op, Symbol, Tree};
+use crate::expr::{Feature, Op, Quantity, Symbol, Tree};
 
 /// How often a symbol occurs in a set of expressions.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -15,6 +15,17 @@ pub struct Frequency {
     pub expressions: usize,
     /// Occurrences in all of them together.
     pub occurrences: usize,
+}
+
+impl Frequency {
+    /// What a term or an operator is; terms that are made of a feature by its name.
+    pub fn meaning(&self) -> String {
+        match Feature::parse(self.name) {
+            Some((feature, Quantity::Gradient)) => format!("gradient of {}", feature.row().name),
+            Some((feature, Quantity::Variance)) => format!("variance of {}", feature.row().name),
+            Some((_, Quantity::Value)) | None => self.doc.to_owned(),
+        }
+    }
 }
 
 /// What a set of expressions is made of. Symbols that do not occur are listed

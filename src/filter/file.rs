@@ -361,6 +361,14 @@ impl Filter {
     }
 }
 
+/// What programs call a quantity of a feature; none for one that formulas cannot name.
+pub fn spelling(feature: Feature, quantity: Quantity) -> Option<&'static str> {
+    match quantity {
+        Quantity::Value => Some(feature.term()),
+        Quantity::Gradient | Quantity::Variance => feature.spelling(quantity),
+    }
+}
+
 /// A formula of stage number `k`.
 pub fn formula(checked: &Checked<'_>, k: usize, tree: &Tree, reads: Reads) -> String {
     print_formula(tree, &checked.scope(k, reads))

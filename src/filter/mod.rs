@@ -29,7 +29,7 @@ use crate::expr::tree::Tree;
 
 pub use carry::Carrying;
 pub use check::{Checked, FilterError, Resolved};
-pub use file::{FilterFileError, formula};
+pub use file::{FilterFileError, formula, spelling};
 pub use show::{reads, show, stages};
 
 /// The neighbourhood of a pixel: (2 radius + 1)² taps, `dilation` pixels apart.

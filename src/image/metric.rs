@@ -140,7 +140,7 @@ impl Comparison {
     }
 }
 
-fn check_sizes(image: &Image, reference: &Image) -> Result<(), ImageError> {
+pub(super) fn check_sizes(image: &Image, reference: &Image) -> Result<(), ImageError> {
     match image.size() == reference.size() {
         true => Ok(()),
         false => Err(ImageError::SizeMismatch {

@@ -1,27 +1,35 @@
 //! Floor 1: images, the files they are in, and how far one is from another.
 //!
-//! [`exr`] reads and writes OpenEXR files, [`metric`] compares images, and
+//! [`exr`] reads and writes OpenEXR files, [`metric`] compares images, [`Differences`] says where
+//! they differ, and
 //! [`write_atomically`] writes files whole or not at all. What the channels of a
 //! renderer's file stand for is no matter of this room: see [`scene`](crate::scene).
 
+mod convolve;
+mod difference;
 mod error;
 pub mod exr;
 pub mod files;
+mod flip;
 mod leftovers;
 mod lock;
+mod map;
 pub mod metric;
 mod output;
 pub mod pfm;
 #[cfg(test)]
 pub(crate) mod sample;
+mod ssim;
 mod temporary;
 
 use std::path::Path;
 
+pub use difference::Differences;
 pub use error::ImageError;
 pub(crate) use error::listing;
 pub use exr::Attributes;
 pub use lock::{Lock, LockError};
+pub use map::Map;
 pub use metric::{Comparison, Metrics};
 pub use output::{check_folder, write_atomically};
 pub use temporary::{Temporary, remove_temporary_files};

@@ -6,13 +6,17 @@
 
 pub mod caption;
 pub mod chart;
+pub mod contrast;
+pub mod graph;
 pub mod number;
+pub mod page;
 pub mod picture;
 pub mod score;
 pub mod sheet;
 pub mod table;
 pub mod tradeoff;
 
+pub use contrast::{Contrast, FIGURES, Figure, Figures};
 pub use picture::Picture;
 pub use score::{Measured, Score, ScoreTable, Total};
 pub use table::{Align, Format, Table};

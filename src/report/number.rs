@@ -27,6 +27,11 @@ pub fn decibels(x: f64) -> String {
     if x.is_finite() { format!("{x:.2} dB") } else { "inf dB".to_owned() }
 }
 
+/// A structural similarity: 1 for equal pictures.
+pub fn similarity(x: f64) -> String {
+    format!("{x:.4}")
+}
+
 /// A sample of an image or a feature.
 pub fn sample(x: f32) -> String {
     match x.abs() {
@@ -129,6 +134,7 @@ mod tests {
             ["0.012", "1.00", "10.0", "100", "1234"]
         );
         assert_eq!(difference(4.66e-7), "4.7e-7");
+        assert_eq!(similarity(0.987_65), "0.9877");
         assert_eq!([1e-5, 0.02, 1.0, 300.0, 2e4].map(tick), ["1e-5", "0.02", "1", "300", "20,000"]);
         assert_eq!([7, 1000, 1_234_567].map(count), ["7", "1,000", "1,234,567"]);
         assert_eq!(plural(1, "pixel") + &plural(2, " row"), "1 pixel2  rows");

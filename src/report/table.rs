@@ -1,4 +1,4 @@
-//! Tables of text: for terminals, Markdown pages and spreadsheets.
+//! Tables of text: for terminals, Markdown pages and browsers.
 
 /// How a table is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +52,21 @@ impl Table {
         }
     }
 
+    /// The table as HTML: cells are text, whatever is in them.
+    pub fn html(&self) -> String {
+        let row = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
+            let cells = cells.zip(&self.columns).map(|(cell, (_, align))| {
+                let class = if *align == Align::Right { " class=\"right\"" } else { "" };
+                format!("<{tag}{class}>{}</{tag}>", escaped(cell))
+            });
+            format!("<tr>{}</tr>\n", cells.collect::<String>())
+        };
+        let head = row("th", &mut self.columns.iter().map(|(name, _)| name.as_str()));
+        let rows = self.rows.iter().map(|cells| row("td", &mut cells.iter().map(String::as_str)));
+        let rows: String = rows.collect();
+        format!("<table>\n<thead>{head}</thead>\n<tbody>\n{rows}</tbody>\n</table>\n")
+    }
+
     /// The table as text, every line ended.
     pub fn render(&self, format: Format) -> String {
         let escaped = |cell: &str| match format {
@@ -92,6 +107,11 @@ impl Table {
     }
 }
 
+/// A text as HTML.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
 /// A text in lines of at most `width` characters, if its words allow it.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
@@ -125,6 +145,18 @@ mod tests {
         assert_eq!(
             table.render(Format::Markdown),
             "| scene | noisy |\n| ----- | ----: |\n| größe |   0.5 |\n| a\\|b  | 0.123 |\n"
+        );
+    }
+
+    #[test]
+    fn cells_of_html_are_text() {
+        let mut table = Table::new([("a < b", Align::Left), ("n", Align::Right)]);
+        table.row(["<b>&", "1"]);
+        assert_eq!(
+            table.html(),
+            "<table>\n<thead><tr><th>a &lt; b</th><th class=\"right\">n</th></tr>\n</thead>\n\
+             <tbody>\n<tr><td>&lt;b&gt;&amp;</td><td class=\"right\">1</td></tr>\n</tbody>\n\
+             </table>\n"
         );
     }
 

@@ -7,6 +7,7 @@ mod exports;
 mod features;
 mod frames;
 mod made;
+mod pages;
 mod place;
 mod search;
 mod sequences;

@@ -42,6 +42,7 @@ fn a_search_finds_the_same_filter_however_it_is_run() {
     place.done(&tiny("resumed", &["--generations", "2"]));
     // The search remembers its scenes.
     place.done(&["evolve", "--out", "resumed", "--resume", "--generations", "4"]);
+    same_page(&place, ["one", "two", "resumed"]);
     for file in ["best.toml", "history.csv"] {
         let bytes = place.bytes(&format!("one/{file}"));
         assert!(place.bytes(&format!("two/{file}")) == bytes, "{file} with two threads");
@@ -324,6 +325,17 @@ fn a_search_lets_only_stable_filters_win_if_asked_to() {
     place.done(&[&resume[..], &["--require-stable"]].concat());
 }
 
+/// Checks that searches left one page, but for the folders that they say they are in.
+fn same_page(place: &Place, outs: [&str; 3]) {
+    let page = |out: &str| {
+        let html = String::from_utf8(place.bytes(&format!("{out}/report.html"))).expect("UTF-8");
+        assert!(html.contains(&format!(" --out {out}")), "no command in the page of {out}");
+        html.replace(&format!(" --out {out}"), "")
+    };
+    let first = page(outs[0]);
+    assert!(outs.iter().all(|out| page(out) == first), "pages differ");
+}
+
 /// A search for programs of a few seconds.
 pub(crate) fn programs<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let mut arguments = vec!["evolve", "--scenes", "room", "--validate", "room", "--out", out];
@@ -343,7 +355,9 @@ fn a_search_finds_the_same_programs_however_it_is_run() {
     place.done(&programs("two", &["--generations", "3", "--threads", "2"]));
     place.done(&programs("resumed", &["--generations", "1"]));
     place.done(&["evolve", "--out", "resumed", "--resume", "--generations", "3"]);
-    for file in ["best.toml", "history.csv", "front/front-01.toml", "summary.md", "front.svg"] {
+    same_page(&place, ["one", "two", "resumed"]);
+    let others = ["history.jsonl", "front/front-01.toml", "summary.md", "front.svg"];
+    for file in ["best.toml", "history.csv"].into_iter().chain(others) {
         let bytes = place.bytes(&format!("one/{file}"));
         assert!(place.bytes(&format!("two/{file}")) == bytes, "{file} with two threads");
         assert!(place.bytes(&format!("resumed/{file}")) == bytes, "{file} after a resume");

@@ -5,6 +5,7 @@ mod parameters;
 mod preset;
 mod programs;
 mod record;
+mod repeat;
 mod weights;
 mod worker;
 mod workers;
@@ -31,6 +32,7 @@ use workers::WorkersArgs;
 
 const BEST: &str = "best.toml";
 const HISTORY: &str = "history.csv";
+const PAGE: &str = "report.html";
 const SUMMARY: &str = "summary.md";
 const CHECKPOINT: &str = "checkpoint.json";
 const SCENES: &str = "scenes.json";
@@ -47,7 +49,9 @@ Examples:
 
 Writes best.toml (the filter and where it comes from), summary.md, history.csv
 and checkpoint.json into the output folder, and of programs front/, those of which none is
-better by error, predicted time and size, with a chart, front.svg. Does not write over an older
+better by error, predicted time and size, with a chart, front.svg, and history.jsonl.
+report.html is a page for a browser, written anew with every generation (of weights with every
+checkpoint). Does not write over an older
 search, unless with --overwrite. With every checkpoint best.toml is the best so far. Ctrl-C ends the
 search at once with that; --resume goes on from there, on the same scenes. The same seed finds
 the same filter with any number of threads and workers. One search at a time writes into a folder.

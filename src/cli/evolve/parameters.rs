@@ -11,6 +11,7 @@ use crate::evolve::{self, Settings, programs};
 use crate::expr::grammar::Primitives;
 use crate::image::metric::Measure;
 use crate::plan::Precision;
+use crate::report::{Align, Table};
 use crate::tune::Loss;
 
 /// A parameter of settings `S`.
@@ -339,9 +340,32 @@ impl Parameters {
     }
 }
 
-/// Every parameter's flag, value and meaning.
-pub(super) fn listing<S: Tabled>(settings: &S) -> impl Iterator<Item = [String; 3]> {
-    S::TABLE.iter().map(|p| [format!("--{}", p.flag), (p.get)(settings), p.doc.to_owned()])
+/// Every parameter's flag, with `mark` around it, value and meaning.
+pub(super) fn table<S: Tabled>(settings: &S, mark: &str) -> Table {
+    let mut table = Table::new(["flag", "value", "meaning"].map(|name| (name, Align::Left)));
+    for p in S::TABLE {
+        let flag = format!("{mark}--{}{mark}", p.flag);
+        table.row([flag, (p.get)(settings), p.doc.to_owned()]);
+    }
+    table
+}
+
+/// Arguments that name a search of these settings: the preset that is closest, and what differs
+/// from it.
+pub(super) fn arguments<S: Tabled>(settings: &S) -> Vec<String> {
+    let beyond = |(name, preset): (&str, S)| {
+        let mut arguments = vec!["--preset".to_owned(), name.to_owned()];
+        for p in S::TABLE {
+            let value = (p.get)(settings);
+            if value != (p.get)(&preset) {
+                // In one word, as values may begin with a dash or be empty.
+                arguments.push(format!("--{}={value}", p.flag));
+            }
+        }
+        arguments
+    };
+    let all = S::presets().into_iter().map(beyond);
+    all.min_by_key(Vec::len).expect("there are presets of every kind")
 }
 
 /// The flags of one kind of settings, but for those that another has already.
@@ -455,6 +479,19 @@ mod tests {
         }
         let after = toml::Value::try_from(&settings).expect("settings are TOML");
         assert_changed("settings", &before, &after);
+    }
+
+    #[test]
+    fn arguments_name_the_settings() {
+        let mut settings = programs::Settings::thorough();
+        settings.seed = 7;
+        settings.features = vec!["depth".to_owned(), "color".to_owned()];
+        let named = arguments(&settings);
+        assert_eq!(named, ["--preset", "programs", "--seed=7", "--features=depth,color"]);
+        let mut parsed = programs::Settings::thorough();
+        let flags: Vec<&str> = named[2..].iter().map(String::as_str).collect();
+        parse(&flags).expect("flags").apply(&mut parsed).expect("a parameter of these settings");
+        assert_eq!(parsed, settings);
     }
 
     #[test]

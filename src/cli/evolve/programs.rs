@@ -1,5 +1,6 @@
 //! A search for programs, from scenes to filter files.
 
+mod browser;
 mod page;
 mod progress;
 
@@ -8,7 +9,8 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use super::{
-    BEST, CHECKPOINT, Evolve, HISTORY, SCENES, SUMMARY, interrupted, no_provisional, record,
+    BEST, CHECKPOINT, Evolve, HISTORY, PAGE, SCENES, SUMMARY, interrupted, no_provisional, record,
+    repeat,
 };
 use crate::backend::{Backend, Differentiator};
 use crate::cli::backend::OnProcessor;
@@ -26,6 +28,7 @@ use crate::plan::Passes;
 use crate::report::{Format, ScoreTable, Total, number};
 use crate::scene::{LoadOptions, Needs};
 use crate::tune::{Causes, Ending, TuningScene};
+use browser::Told;
 use page::{chart, front, rivals, summary};
 use progress::Progress;
 
@@ -34,6 +37,9 @@ const FRONT: &str = "front";
 
 /// A chart of them.
 const CHART: &str = "front.svg";
+
+/// The course, an object a line.
+const LINES: &str = "history.jsonl";
 
 /// What programs are bred on, and tried on, unless told.
 const DEFAULT_SCENES: [&str; 2] = ["data/corpus/train", "data/train"];
@@ -109,7 +115,12 @@ fn run_on(
         Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), judge)?,
         None => Search::new(initial, judge)?,
     };
-    Recall::of(&training, &validation).write(&command.out.join(SCENES))?;
+    let recall = Recall::of(&training, &validation);
+    recall.write(&command.out.join(SCENES))?;
+    let told = Told {
+        settings: &settings,
+        command: repeat::command(&settings, &recall, &command.out, &[]),
+    };
     let stop = Arc::new(AtomicBool::new(false));
     let control = command.control(&stop, log);
     let progress = Arc::new(Progress::new(log, settings.generations, control.time_limit));
@@ -123,8 +134,7 @@ fn run_on(
         let briefing = search.briefing().map_err(interrupted)?;
         search = search.judged_by(Farm::start(briefing, terms, hear)?);
     }
-    let provisional =
-        Provisional { settings: &settings, out: &command.out, causes: Mutex::default() };
+    let provisional = Provisional { told: &told, out: &command.out, causes: Mutex::default() };
     let outcome = search.run(&control, &|event| {
         if let Some(failure) = provisional.hear(event) {
             progress.warn(no_provisional(&failure));
@@ -143,7 +153,25 @@ fn run_on(
         // Whoever stops a search wants it to end.
         Ending::Stopped => None,
     };
-    Ok(report(&command.out, &settings, &outcome, scores.as_ref(), log))
+    let scene = match outcome.ending {
+        Ending::Finished | Ending::TimeLimit => {
+            let scene = judges.first().or(scenes.first()).expect("there is something to breed on");
+            let best = outcome.best.judged.genome.filter();
+            Some(browser::scene(scene, best, !judges.is_empty(), backend))
+        }
+        Ending::Stopped => None,
+    };
+    // What is found is written, whether it can be shown or not.
+    let (scene, shown) = match scene.transpose() {
+        Ok(scene) => (scene, true),
+        Err(error) => {
+            log.error(&error);
+            (None, false)
+        }
+    };
+    let page = browser::finished(&told, &outcome, scores.as_ref(), scene);
+    let report = report(&command.out, &settings, &outcome, scores.as_ref(), page, log);
+    Ok(Report { good: report.good && shown, ..report })
 }
 
 /// The bred program and its rivals, on the scenes that nothing was bred on if there are any.
@@ -213,6 +241,7 @@ fn report(
     settings: &Settings,
     outcome: &Outcome,
     scores: Option<&ScoreTable>,
+    page: String,
     log: Log,
 ) -> Report {
     let ending = record::ending(outcome.ending);
@@ -223,6 +252,8 @@ fn report(
     let mut files = vec![
         (out.join(BEST), named(&outcome.best, "best")),
         (out.join(HISTORY), history::csv(&outcome.history)),
+        (out.join(LINES), history::json_lines(&outcome.history)),
+        (out.join(PAGE), page),
         (out.join(SUMMARY), summary(settings, outcome, scores)),
         (out.join(CHART), chart(outcome)),
     ];
@@ -254,7 +285,7 @@ fn report(
     let mut text = format!(
         "{}\n{}\n",
         stages(&best.judged.genome.filter().check().expect("genomes make sense")),
-        front(outcome, Format::Plain),
+        front(outcome).render(Format::Plain),
     );
     if let Some(scores) = scores {
         text += &format!("{}\n", rivals(scores).render(Format::Plain));
@@ -282,7 +313,7 @@ fn make_anew(folder: &Path) -> std::io::Result<()> {
 
 /// Writes the best so far and the course, for whoever's search is killed.
 struct Provisional<'a> {
-    settings: &'a Settings,
+    told: &'a Told<'a>,
     out: &'a Path,
     causes: Mutex<Causes>,
 }
@@ -294,12 +325,16 @@ impl Provisional<'_> {
         let mut causes = self.causes.lock().expect("nobody panics with it");
         let best = Finalist { judged: best.clone(), validation: None, difference: None };
         let filter = Filter { name: "best".to_owned(), ..best.judged.genome.filter().clone() };
-        let text = filter.to_toml(training(self.settings, &best, "under way"));
-        let written = write_atomically(&self.out.join(BEST), text.as_bytes());
-        let written = written.and_then(|()| {
-            write_atomically(&self.out.join(HISTORY), history::csv(rows).as_bytes())
-        });
-        written.err().filter(|error| causes.is_new(error))
+        let files = [
+            (BEST, filter.to_toml(training(self.told.settings, &best, "under way"))),
+            (HISTORY, history::csv(rows)),
+            (LINES, history::json_lines(rows)),
+            (PAGE, browser::under_way(self.told, rows, &best.judged)),
+        ];
+        let mut written = files
+            .iter()
+            .map(|(name, text)| write_atomically(&self.out.join(name), text.as_bytes()));
+        written.find_map(Result::err).filter(|error| causes.is_new(error))
     }
 }
 

@@ -14,6 +14,8 @@ pub(super) struct Origin<'a> {
     pub(super) backend: &'static str,
     /// Whether unstable expressions were kept out.
     pub(super) require_stable: bool,
+    /// The command that repeats the run.
+    pub(super) command: String,
     /// How many training scenes there are.
     pub(super) scenes: usize,
     /// The training scenes' errors, if they were measured; the bred filter comes first.

@@ -1,5 +1,6 @@
 //! A search for weights of one window, from scenes to a filter file.
 
+mod browser;
 mod page;
 mod progress;
 mod provisional;
@@ -10,7 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::record::{self, Origin};
 use super::{
-    BEST, CHECKPOINT, Evolve, HISTORY, SCENES, SUMMARY, interrupted, no_checkpoint, no_provisional,
+    BEST, CHECKPOINT, Evolve, HISTORY, PAGE, SCENES, SUMMARY, interrupted, no_checkpoint,
+    no_provisional, repeat,
 };
 use crate::backend::{Backend, BackendError, PAIRS, Stoppable};
 use crate::cli::backend::Processor;
@@ -83,11 +85,14 @@ impl Evolve {
             Some(checkpoint) => Search::resume(checkpoint.until(settings.generations), &fitness)?,
             None => Search::new(settings.clone(), &fitness)?,
         };
-        Recall::of(&arguments, &[]).write(&self.out.join(SCENES))?;
+        let recall = Recall::of(&arguments, &[]);
+        recall.write(&self.out.join(SCENES))?;
+        let switches: &[&str] = if self.require_stable { &["--require-stable"] } else { &[] };
         let mut origin = Origin {
             settings: &settings,
             backend: backend.name(),
             require_stable: self.require_stable,
+            command: repeat::command(&settings, &recall, &self.out, switches),
             scenes: files.len(),
             scores: None,
         };
@@ -148,7 +153,7 @@ impl Evolve {
     ) -> Result<(Outcome, bool), Error> {
         let control = self.control(stop, log);
         let mut progress = Progress::new(log, origin.settings.generations, control.time_limit);
-        let mut provisional = Provisional::new(origin, self.out.join(BEST));
+        let mut provisional = Provisional::new(origin, &self.out);
         let mut kept = false;
         let outcome = search.run(&control, &mut |event| {
             if let Event::Checkpoint { written, failure, .. } = event {
@@ -182,6 +187,7 @@ impl Evolve {
         let files = [
             (BEST, filter.to_toml(record::training(origin, outcome))),
             (SUMMARY, page::summary(origin, outcome)),
+            (PAGE, browser::finished(origin, outcome)),
             (HISTORY, history::csv(&outcome.history)),
         ];
         let all = files.len();

@@ -25,7 +25,7 @@ const BESIDE: [u8; 3] = [0x28, 0x34, 0x58];
 
 /// Everything about a filter and a scene.
 #[derive(Template)]
-#[template(path = "explain.html")]
+#[template(path = "page/explain.html")]
 pub(super) struct Page {
     title: String,
     summary: String,

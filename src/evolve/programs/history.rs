@@ -90,3 +90,78 @@ pub fn csv(rows: &[Row]) -> String {
     }
     csv
 }
+
+/// Rows as JSON, an object a line. Numbers are in full; what is not known is null.
+pub fn json_lines(rows: &[Row]) -> String {
+    /// A row as a reader has it: what is no number is null.
+    #[derive(Serialize)]
+    struct Line {
+        generation: u32,
+        best: f64,
+        median: f64,
+        cost: f64,
+        size: usize,
+        front: usize,
+        validation: f64,
+        rel_mse: f64,
+        trimmed_rel_mse: f64,
+        judged: u64,
+        dropped: u64,
+    }
+    let line = |row: &Row| {
+        let Row { generation, best, median, cost, size, front, .. } = *row;
+        let Row { validation, rel_mse, trimmed_rel_mse, judged, dropped, .. } = *row;
+        let line = Line {
+            generation,
+            best,
+            median,
+            cost,
+            size,
+            front,
+            validation,
+            rel_mse,
+            trimmed_rel_mse,
+            judged,
+            dropped,
+        };
+        serde_json::to_string(&line).expect("rows have text for keys") + "\n"
+    };
+    rows.iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_json_have_every_bit_and_null_for_what_is_not_known() {
+        let row = Row {
+            generation: 3,
+            best: -0.1 - 0.2,
+            median: f64::INFINITY,
+            cost: 1e-300,
+            size: 7,
+            front: 2,
+            validation: f64::NAN,
+            rel_mse: f64::NAN,
+            trimmed_rel_mse: 0.25,
+            judged: u64::MAX,
+            dropped: 1,
+        };
+        let text = json_lines(&[row.clone(), row.clone()]);
+        assert_eq!(text.lines().count(), 2);
+        let line: serde_json::Value =
+            serde_json::from_str(text.lines().next().expect("a line")).expect("JSON");
+        assert_eq!(line["best"].as_f64().map(f64::to_bits), Some(row.best.to_bits()));
+        assert_eq!(line["cost"].as_f64(), Some(1e-300));
+        assert_eq!(line["judged"].as_u64(), Some(u64::MAX));
+        assert!(line["validation"].is_null() && line["median"].is_null());
+        // The same columns as the table.
+        let columns: Vec<&str> =
+            line.as_object().expect("an object").keys().map(String::as_str).collect();
+        let csv = csv(&[row]);
+        let mut header: Vec<&str> = csv.lines().next().expect("a header").split(',').collect();
+        header.sort_unstable();
+        assert_eq!(columns, header);
+    }
+}

@@ -1,8 +1,7 @@
 //! What a search for programs found, for people: tables, a page, a chart.
 
 use super::CHART;
-use crate::cli::evolve::parameters::listing;
-use crate::cli::evolve::record;
+use crate::cli::evolve::{parameters, record};
 use crate::evolve::programs::{Finalist, Outcome, Row, Settings};
 use crate::filter::stages;
 use crate::image::Metrics;
@@ -13,7 +12,7 @@ use crate::report::{Align, Format, ScoreTable, Table, Total, number};
 const COURSE: usize = 12;
 
 /// The result and the front as a table.
-pub(super) fn front(outcome: &Outcome, format: Format) -> String {
+pub(super) fn front(outcome: &Outcome) -> Table {
     let mut table = Table::new([
         ("program", Align::Left),
         ("score", Align::Right),
@@ -42,7 +41,7 @@ pub(super) fn front(outcome: &Outcome, format: Format) -> String {
             finalist.difference.map_or_else(dash, number::difference),
         ]);
     }
-    table.render(format)
+    table
 }
 
 /// The summary of a run, for people: one Markdown page.
@@ -68,7 +67,7 @@ pub(super) fn summary(
     page += &format!("```text\n{}```\n\n", stages(&checked));
     page += "## The front\n\nPrograms of which none is better by score, predicted time and size at \
              once, the fastest first, and the result. RelMSE is of the validation scenes.\n\n";
-    page += &front(outcome, Format::Markdown);
+    page += &front(outcome).render(Format::Markdown);
     page += &format!("\n![Predicted time against score]({CHART})\n");
     if let Some(scores) = scores {
         page += "\n## Beside other filters\n\nGeometric means over the scenes that nothing was bred \
@@ -76,18 +75,14 @@ pub(super) fn summary(
         page += &rivals(scores).render(Format::Markdown);
     }
     page += "\n## Course\n\n";
-    page += &course(&outcome.history);
+    page += &course(&outcome.history).render(Format::Markdown);
     page += "\n## Parameters\n\n";
-    let columns = ["flag", "value", "meaning"];
-    let mut table = Table::new(columns.map(|name| (name, Align::Left)));
-    for [flag, value, doc] in listing(settings) {
-        table.row([format!("`{flag}`"), value, doc]);
-    }
-    page += &table.render(Format::Markdown);
+    page += &parameters::table(settings, "`").render(Format::Markdown);
     page
 }
 
-fn course(rows: &[Row]) -> String {
+/// Some rows of the run's course, the first and the last among them.
+pub(super) fn course(rows: &[Row]) -> Table {
     let names = ["generation", "best", "median", "validation", "RelMSE", "ns/pixel", "nodes"];
     let mut table = Table::new(names.map(|name| (name, Align::Right)));
     let step = rows.len().div_ceil(COURSE).max(1);
@@ -104,16 +99,20 @@ fn course(rows: &[Row]) -> String {
             row.size.to_string(),
         ]);
     }
-    table.render(Format::Markdown)
+    table
+}
+
+/// The RelMSE on the validation scenes, or where there are none the loss on the training scenes.
+pub(super) fn error(finalist: &Finalist) -> f64 {
+    match finalist.validation {
+        Some([_, rel_mse, _]) => rel_mse,
+        None => finalist.judged.error.exp(),
+    }
 }
 
 /// Predicted time against the error on the validation scenes, or where there are none on the
 /// training scenes.
 pub(super) fn chart(outcome: &Outcome) -> String {
-    let error = |finalist: &Finalist| match finalist.validation {
-        Some([_, rel_mse, _]) => rel_mse,
-        None => finalist.judged.error.exp(),
-    };
     let validated = outcome.best.validation.is_some();
     let point = |finalist: &Finalist, label: String| Point {
         x: finalist.judged.cost,

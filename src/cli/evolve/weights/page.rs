@@ -4,10 +4,11 @@ use std::fmt::Write;
 
 use crate::cli::evolve::parameters;
 use crate::cli::evolve::record::{Origin, effort, ending, error, generations};
+use crate::evolve::history::Row;
 use crate::evolve::summary::Frequency;
 use crate::evolve::{Outcome, Summary};
+use crate::expr::Tree;
 use crate::expr::text::latex;
-use crate::expr::{Feature, Quantity, Tree};
 use crate::report::{Align, Format, Table, number};
 
 /// Rows of the table that shows the run's course.
@@ -54,23 +55,7 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
              stopped before they were judged on all pixels.\n\n"
         }
     });
-    let mut table = Table::new([
-        ("error", Align::Right),
-        ("while breeding", Align::Right),
-        ("from exact", Align::Right),
-        ("nodes", Align::Right),
-        ("expression", Align::Left),
-    ]);
-    for finalist in &outcome.finalists {
-        table.row([
-            finalist.full.map_or("-".to_owned(), number::error),
-            number::error(finalist.bred),
-            finalist.difference.map_or("-".to_owned(), number::difference),
-            finalist.tree.len().to_string(),
-            format!("`{}`", finalist.tree),
-        ]);
-    }
-    page.push_str(&table.render(Format::Markdown));
+    page.push_str(&finalists(outcome, "`").render(Format::Markdown));
     for (finalist, rank) in outcome.finalists.iter().zip(1..) {
         if let Some(objection) = &finalist.objection {
             let _ = writeln!(page, "\nFinalist {rank} is unstable: {objection}.");
@@ -78,14 +63,11 @@ pub(super) fn summary(origin: &Origin<'_>, outcome: &Outcome) -> String {
     }
 
     page.push_str("\n## Course\n\nBest error per island while breeding.\n\n");
-    page.push_str(&course(outcome, origin.settings.islands));
+    let course = course(&outcome.history, origin.settings.islands);
+    page.push_str(&course.render(Format::Markdown));
 
     page.push_str("\n## Parameters\n\n");
-    let columns = ["flag", "value", "meaning"];
-    let mut table = Table::new(columns.map(|name| (name, Align::Left)));
-    for [flag, value, doc] in parameters::listing(origin.settings) {
-        table.row([format!("`{flag}`"), value, doc]);
-    }
+    let mut table = parameters::table(origin.settings, "`");
     if origin.require_stable {
         table
             .row(["`--require-stable`", "yes", "unstable filters are kept out"].map(str::to_owned));
@@ -129,14 +111,14 @@ fn shares(
         let same = |other: &&Frequency| (other.name, other.doc) == (row.name, row.doc);
         let twin = twins.iter().find(same).map_or(0, |twin| twin.expressions);
         if row.expressions + twin == 0 {
-            unused.push(format!("`{}` ({})", row.name, meaning(row)));
+            unused.push(format!("`{}` ({})", row.name, row.meaning()));
             continue;
         }
         table.row([
             format!("`{}`", row.name),
             number::percent(row.expressions, islands.expressions),
             number::percent(twin, finalists.expressions),
-            meaning(row),
+            row.meaning(),
         ]);
     }
     let mut text = table.render(Format::Markdown);
@@ -146,25 +128,38 @@ fn shares(
     text
 }
 
-/// What a term or an operator is; terms that are made of a feature by its name.
-fn meaning(row: &Frequency) -> String {
-    match Feature::parse(row.name) {
-        Some((feature, Quantity::Gradient)) => format!("gradient of {}", feature.row().name),
-        Some((feature, Quantity::Variance)) => format!("variance of {}", feature.row().name),
-        Some((_, Quantity::Value)) | None => row.doc.to_owned(),
+/// The best of the whole run, expressions with `mark` around them.
+pub(super) fn finalists(outcome: &Outcome, mark: &str) -> Table {
+    let mut table = Table::new([
+        ("error", Align::Right),
+        ("while breeding", Align::Right),
+        ("from exact", Align::Right),
+        ("nodes", Align::Right),
+        ("expression", Align::Left),
+    ]);
+    for finalist in &outcome.finalists {
+        table.row([
+            finalist.full.map_or("-".to_owned(), number::error),
+            number::error(finalist.bred),
+            finalist.difference.map_or("-".to_owned(), number::difference),
+            finalist.tree.len().to_string(),
+            format!("{mark}{}{mark}", finalist.tree),
+        ]);
     }
+    table
 }
 
-fn course(outcome: &Outcome, islands: usize) -> String {
+/// The best error of every island in some generations, the first and the last among them.
+pub(super) fn course(history: &[Row], islands: usize) -> Table {
     let columns = (1..=islands).map(|island| (format!("island {island}"), Align::Right));
     let mut table =
         Table::new(std::iter::once(("generation".to_owned(), Align::Right)).chain(columns));
-    let rows: Vec<_> = outcome.history.chunks_exact(islands).collect();
+    let rows: Vec<&[Row]> = history.chunks_exact(islands).collect();
     let step = rows.len().div_ceil(COURSE).max(1);
     let shown = rows.iter().enumerate().filter(|(k, _)| k % step == 0 || k + 1 == rows.len());
     for (_, row) in shown {
         let best = row.iter().map(|island| number::error(island.best));
         table.row(std::iter::once(row[0].generation.to_string()).chain(best));
     }
-    table.render(Format::Markdown)
+    table
 }
