@@ -368,8 +368,10 @@ impl PlaneId {
         }
         let k = usize::from(component);
         let channel = feature.row().channels.get(k).and_then(|channel| channel.rsplit('.').next());
-        let axis = channel.unwrap_or(["X", "Y", "Z"][k]).to_ascii_lowercase();
-        format!("{name}_{axis}")
+        match channel.or(["X", "Y", "Z"].get(k).copied()) {
+            Some(axis) if feature.width() <= 3 => format!("{name}_{}", axis.to_ascii_lowercase()),
+            _ => format!("{name}_{k}"),
+        }
     }
 }
 
