@@ -280,7 +280,7 @@ fn any_tree_on_any_numbers_is_finite_enclosed_and_the_same_with_every_pass() {
     let vocabulary = Vocabulary::all();
     let ways = ways();
     let exact: Vec<&str> = PASSES.iter().filter(|row| row.exact).map(|row| row.name).collect();
-    let known = ["share", "hoist", "support", "symmetry", "inline"];
+    let known = ["share", "hoist", "support", "symmetry", "inline", "dedupe"];
     assert_eq!(exact, known, "a pass that changes no bit: name it here and in docs/NUMERICS.md");
     let window = Window::dense(5);
     let mut decided = 0;

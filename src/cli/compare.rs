@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::error::Error;
 use super::log::Log;
+use super::spare::spare;
 use crate::image::exr::Window;
 use crate::image::{Image, write_atomically};
 use crate::report::page::compare::ComparePage;
@@ -57,7 +58,9 @@ pub(super) struct Compare {
 impl Compare {
     pub(super) fn run(&self, log: Log) -> Result<String, Error> {
         let (reference, paths) = self.images.split_last().expect("clap asks for two");
-        self.spare_images()?;
+        if let Some(page) = &self.html {
+            spare(page, self.images.iter().map(PathBuf::as_path))?;
+        }
         let reference = load_image(reference)?;
         let images = paths.iter().map(|path| load_image(path)).collect::<Result<Vec<_>, _>>()?;
         let overlap = overlap(&images, &reference);
@@ -77,23 +80,6 @@ impl Compare {
             log.say(format_args!("wrote {} ({size})", path.display()));
         }
         Ok(if self.json { as_json(&contrasts, overlap) } else { table(&contrasts, overlap) })
-    }
-
-    /// Checks that the page replaces no image.
-    fn spare_images(&self) -> Result<(), Error> {
-        let Some(page) = &self.html else { return Ok(()) };
-        let same = |image: &&PathBuf| match (image.canonicalize(), page.canonicalize()) {
-            (Ok(image), Ok(page)) => image == page,
-            _ => false,
-        };
-        match self.images.iter().find(same) {
-            None => Ok(()),
-            Some(image) => Err(Error::Usage(format!(
-                "--html {}: that is the image {}, which the page would replace; name another file",
-                page.display(),
-                image.display()
-            ))),
-        }
     }
 }
 

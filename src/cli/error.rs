@@ -189,6 +189,17 @@ pub(super) enum Error {
         /// Why.
         source: io::Error,
     },
+    /// The folder of a page is not there.
+    #[error(
+        "--html {}: there is no folder {}; make it first, or name another file",
+        page.display(), folder.display()
+    )]
+    NoFolder {
+        /// The page.
+        page: PathBuf,
+        /// Its folder.
+        folder: PathBuf,
+    },
     /// Nothing can be written into the folder for results.
     #[error("{source}; choose another folder with {option}")]
     Unwritable {
@@ -274,6 +285,7 @@ impl Error {
             | Self::NoProgram { .. }
             | Self::Program { .. }
             | Self::Folder { .. }
+            | Self::NoFolder { .. }
             | Self::Unwritable { .. }
             | Self::Locked { .. }
             | Self::Signal(_)

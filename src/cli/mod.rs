@@ -38,6 +38,7 @@ mod resolve;
 mod scenes;
 mod score;
 mod sheet;
+mod spare;
 mod stress;
 mod tune;
 

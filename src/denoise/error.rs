@@ -47,8 +47,13 @@ pub enum DenoiseError {
     /// The image needs more memory than there may be used.
     #[error(
         "{path}: filtering it takes {} MiB of memory at least, and {} MiB may be used; allow \
-         more, or cut the image into smaller ones",
-        least.div_ceil(1 << 20), max_memory >> 20, path = path.display()
+         more, or {}",
+        least.div_ceil(1 << 20), max_memory >> 20,
+        match layers {
+            true => "leave out --layers and --alpha filter, which need the whole image in memory",
+            false => "cut the image into smaller ones",
+        },
+        path = path.display()
     )]
     TooLittleMemory {
         /// The file.
@@ -57,5 +62,7 @@ pub enum DenoiseError {
         max_memory: u64,
         /// What is needed, in bytes.
         least: u64,
+        /// Whether layers, or the alpha, are filtered with it.
+        layers: bool,
     },
 }

@@ -179,7 +179,8 @@ impl<'a> Denoiser<'a> {
                 }
                 if least > max_memory {
                     let path = target.path().to_owned();
-                    return Err(DenoiseError::TooLittleMemory { path, max_memory, least });
+                    let layers = !layers.is_empty();
+                    return Err(DenoiseError::TooLittleMemory { path, max_memory, least, layers });
                 }
                 in_memory > max_memory
             }

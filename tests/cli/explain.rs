@@ -80,6 +80,17 @@ fn what_cannot_be_explained_is_said() {
     let outside = explain(&["room", "--html", "page.html", "--at", "4000,0"]);
     place.fails(2, &outside, &["--at 4000,0", "counted from 0"]);
     assert!(!place.path("page.html").exists());
+    place.fails(2, &explain(&["room", "--html", "page.html", "--at", "-1,3"]), &["column and row"]);
+    // No page replaces what it is made of.
+    fs::write(place.path("two.toml"), PROGRAM).expect("writable");
+    let over = ["explain", "two.toml", "--scene", "room", "--html"];
+    for page in ["two.toml", "room/reference.exr", "room/4spp.exr"] {
+        let before = place.bytes(page);
+        place.fails(2, &[&over[..], &[page]].concat(), &[page, "would replace"]);
+        assert_eq!(place.bytes(page), before);
+    }
+    place.fails(1, &[&over[..], &["none/page.html"]].concat(), &["no folder none"]);
+    place.fails(2, &[&over[..], &["-"]].concat(), &["--html -", "files"]);
     place.fails(2, &["explain", "bilatral", "--scene", "room"], &["bilatral"]);
     place.fails(2, &["explain", EDGE_AWARE], &["--scene"]);
     place.fails(1, &explain(&["room/4spp.exr,room/none.exr"]), &["none.exr"]);

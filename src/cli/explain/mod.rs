@@ -13,6 +13,7 @@ use super::error::Error;
 use super::log::Log;
 use super::resolve::resolve;
 use super::scenes;
+use super::spare::spare;
 use crate::explain::{Effect, Explanation, Found, Kind, Part, explain, footprints};
 use crate::filter::Filter;
 use crate::image::{Image, write_atomically};
@@ -60,7 +61,7 @@ pub(super) struct Explain {
     html: Option<PathBuf>,
 
     /// A pixel whose weights the page shows (again for more) [default: that in the middle]
-    #[arg(long, value_name = "X,Y", value_parser = pixel, requires = "html")]
+    #[arg(long, value_name = "X,Y", value_parser = pixel, requires = "html", allow_hyphen_values = true)]
     at: Vec<[usize; 2]>,
 
     /// List the parts that matter little, too
@@ -93,6 +94,9 @@ impl Explain {
         let backend = self.backend.open(self.lanes.lanes)?;
         let filter = resolve(&self.filter, None)?;
         let files = scenes::one(&self.scene)?;
+        if let Some(page) = &self.html {
+            spare(page, [self.filter.as_ref(), files.noisy.as_path(), files.reference.as_path()])?;
+        }
         let scene =
             Scene::load(&files.noisy, &needs(&filter), reach(&filter), &LoadOptions::default())?;
         let reference = load_reference(&files.reference)?;
@@ -133,7 +137,12 @@ impl Explain {
         }
         Ok(match self.at.is_empty() {
             true => vec![[width / 2, height / 2]],
-            false => self.at.clone(),
+            false => {
+                let mut at = self.at.clone();
+                let mut shown = std::collections::BTreeSet::new();
+                at.retain(|pixel| shown.insert(*pixel));
+                at
+            }
         })
     }
 }
