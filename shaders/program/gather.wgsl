@@ -56,6 +56,8 @@
 {%- endif %}
     let pixel = at * {{ step }} - params.origin;
     if (!trusted && all(pixel >= vec2<i32>(0)) && all(pixel < params.wanted)) {
+{%- for stage in stages %}
         atomicAdd(&kept[{{ stage }}], 1u);
+{%- endfor %}
     }
 {%- endblock %}

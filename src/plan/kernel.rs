@@ -61,8 +61,8 @@ pub struct GatherKernel {
     /// Where one over the sum of the weights goes, 0 where they cannot be trusted: gradients
     /// ask for it.
     pub inverse: Option<StagePlane>,
-    /// Which stage it is.
-    pub stage: usize,
+    /// Which stages it is: one, or several means by the same weight.
+    pub stages: Vec<usize>,
     /// The pixels that it computes.
     pub grid: Grid,
 }

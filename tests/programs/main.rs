@@ -218,6 +218,43 @@ fn other_pictures_cost_no_weights_of_their_own() {
     }
 }
 
+/// Means that are taken together are told apart where their weights cannot be trusted.
+#[test]
+fn means_by_one_weight_each_tell_what_they_keep() {
+    let text = r#"
+version = 2
+name = "twice"
+[[stage]]
+name = "one"
+gather = "color"
+weight = "0 * distance2(normal, normal)"
+radius = 1
+[[stage]]
+name = "other"
+gather = "mean(color)"
+weight = "0 * distance2(normal, normal)"
+radius = 1
+[[stage]]
+name = "result"
+map = "one + other"
+"#;
+    let filter = parse(text);
+    let scene = fixture::scene(17, 9, 2);
+    // Or else there would be nothing to gather.
+    let passes = Passes { fold: false, facts: false, ..Passes::ALL };
+    let together = program(&filter, &scene, passes);
+    let gathers = together.kernels.iter().filter_map(|kernel| match kernel {
+        Kernel::Gather(gather) => Some(gather.stages.as_slice()),
+        _ => None,
+    });
+    assert_eq!(gathers.collect::<Vec<_>>(), [[0, 1]]);
+    let expected = whole(&Interpreter, &Plan::Program(Box::new(together)), &scene);
+    assert_eq!(expected.kept, [17 * 9, 17 * 9, 0]);
+    let apart = schedule(&filter, &scene, passes.without("dedupe").expect("a pass"));
+    assert_eq!(whole(&Interpreter, &apart, &scene), expected);
+    assert_eq!(whole(&tamis::backend::Exact, &apart, &scene).kept, expected.kept);
+}
+
 /// What a random program of at most twelve stages is held to.
 const RANDOM: f64 = 1e-3;
 
@@ -317,7 +354,7 @@ fn what_nobody_needs_is_not_computed() {
     let all = program(&filter, &scene, Passes::ALL);
     let unused = filter.stages.iter().position(|stage| stage.name == "unused").expect("there");
     let gathers = all.kernels.iter().filter_map(|kernel| match kernel {
-        Kernel::Gather(gather) => Some(gather.stage),
+        Kernel::Gather(gather) => Some(gather.stages[0]),
         _ => None,
     });
     let gathers: Vec<usize> = gathers.collect();

@@ -184,7 +184,7 @@ struct GatherTemplate {
     trusted_sum: String,
     trusted_share: String,
     step: usize,
-    stage: usize,
+    stages: Vec<usize>,
 }
 
 struct Variance {
@@ -369,7 +369,7 @@ impl Writer<'_> {
             trusted_sum: literal(TRUSTED_SUM),
             trusted_share: literal(TRUSTED_SHARE),
             step: kernel.grid.step(),
-            stage: kernel.stage,
+            stages: kernel.stages.clone(),
         };
         let taps = ((last_tap - first_tap) / stride) as u64;
         let work = taps * (pair.instrs().len() + total + 4) as u64;

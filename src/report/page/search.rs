@@ -67,7 +67,7 @@ pub enum Section {
     /// Programs of which none is better by all goals.
     Front(Front),
     /// What a filter makes of images.
-    Scene(Scene),
+    Scene(BeforeAfter),
     /// Figures.
     Figures {
         /// Its heading.
@@ -103,14 +103,14 @@ pub struct Front {
     /// What is upwards.
     pub y: String,
     /// The programs.
-    pub programs: Vec<Program>,
+    pub programs: Vec<FrontPoint>,
     /// Their figures, as an HTML table.
     pub table: String,
 }
 
 /// A program of the front.
 #[derive(Clone, Debug)]
-pub struct Program {
+pub struct FrontPoint {
     /// What it is called.
     pub name: String,
     /// Its place in the chart.
@@ -125,7 +125,7 @@ pub struct Program {
 
 /// What a filter makes of an image.
 #[derive(Clone, Debug)]
-pub struct Scene {
+pub struct BeforeAfter {
     /// Its heading.
     pub title: String,
     /// What stands under it.
@@ -146,7 +146,7 @@ struct Shown {
     url: String,
 }
 
-impl Scene {
+impl BeforeAfter {
     /// Parts of an image before and after filtering, where filtering changed FLIP the most.
     ///
     /// # Errors

@@ -129,7 +129,8 @@ impl<E: Engine> ProgramCode<E> {
             if (top..top + height).contains(&(y * step)) {
                 let columns = x.div_ceil(step)..(x + width).div_ceil(step);
                 let untrusted = trusted[columns].iter().filter(|&&trusted| !trusted);
-                strip.kept[kernel.stage] += untrusted.count();
+                let count = untrusted.count();
+                kernel.stages.iter().for_each(|&stage| strip.kept[stage] += count);
             }
             let planes = kernel.channels.iter().zip(&kernel.writes).enumerate();
             let planes = planes.map(|(k, (&own, &(plane, range)))| (k, own, plane, range, false));

@@ -11,7 +11,9 @@ use crate::evolve::summary::Frequency;
 use crate::expr::Feature;
 use crate::filter::{Filter, Stage, spelling, stages};
 use crate::plan::Passes;
-use crate::report::page::search::{Course, Front, Line, Program, Scene, SearchPage, Section};
+use crate::report::page::search::{
+    BeforeAfter, Course, Front, FrontPoint, Line, SearchPage, Section,
+};
 use crate::report::{Align, ScoreTable, Table, graph, number};
 use crate::scene::LoadOptions;
 use crate::tune::{Level, TuningScene};
@@ -61,7 +63,7 @@ pub(super) fn finished(
     told: &Told<'_>,
     outcome: &Outcome,
     scores: Option<&ScoreTable>,
-    scene: Option<Scene>,
+    scene: Option<BeforeAfter>,
 ) -> String {
     let best = &outcome.best;
     let filter = best.judged.genome.filter();
@@ -105,7 +107,7 @@ pub(super) fn scene(
     filter: &Filter,
     validates: bool,
     backend: &dyn Backend,
-) -> Result<Scene, Error> {
+) -> Result<BeforeAfter, Error> {
     let of_count = |level: &&Level| level.samples == Some(SAMPLES);
     let level = scene.levels.iter().find(of_count).or(scene.levels.first());
     let level = level.expect("a scene has a noisy image");
@@ -114,7 +116,7 @@ pub(super) fn scene(
     let samples = level.samples.map_or(String::new(), |n| format!(" at {n} samples per pixel"));
     let kind = if validates { "validation" } else { "training" };
     let title = format!("The result on the {kind} scene {}{samples}", scene.name);
-    Ok(Scene::new(title, &level.scene.noisy(), &after, &scene.image)?)
+    Ok(BeforeAfter::new(title, &level.scene.noisy(), &after, &scene.image)?)
 }
 
 fn page(
@@ -177,7 +179,7 @@ fn figures(finalist: &Finalist) -> String {
 fn front(outcome: &Outcome) -> Front {
     let program = |finalist: &Finalist, name: String, is_result: bool| {
         let filter = finalist.judged.genome.filter();
-        Program {
+        FrontPoint {
             name,
             place: [finalist.judged.cost, page::error(finalist)],
             figures: figures(finalist),
