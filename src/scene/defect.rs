@@ -13,6 +13,8 @@
 //! are the noise that filters are for, and in one image nobody can tell a firefly from a
 //! small lamp or the corner of a large one.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::expr::feature::{Feature, Quantity};
@@ -53,6 +55,9 @@ pub enum Defect {
     Firefly,
 }
 
+/// Samples that are looked at together.
+const BLOCK: usize = 1024;
+
 /// How many samples have a defect, and where.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
@@ -68,13 +73,58 @@ impl Tally {
 
     /// The samples for which something holds; `None` if there are none.
     pub fn of(samples: &[f32], holds: impl Fn(f32) -> bool) -> Option<Self> {
-        Self::of_positions(samples.iter().enumerate().filter(|&(_, &x)| holds(x)).map(|(k, _)| k))
+        let mut found = Self::default();
+        for (block, samples) in samples.chunks(BLOCK).enumerate() {
+            // Counting takes no branch, so that it is vector code; mostly there is nothing.
+            let count = samples.iter().map(|&x| usize::from(holds(x))).sum::<usize>();
+            if count > 0 && found.first.len() < Self::TOLD {
+                let places = samples.iter().enumerate().filter(|&(_, &x)| holds(x));
+                let places = places.map(|(k, _)| block * BLOCK + k);
+                found.first.extend(places.take(Self::TOLD - found.first.len()));
+            }
+            found.count += count;
+        }
+        (found.count > 0).then_some(found)
     }
 
     fn of_positions(mut positions: impl Iterator<Item = usize>) -> Option<Self> {
         let first: Vec<usize> = positions.by_ref().take(Self::TOLD).collect();
         let count = first.len() + positions.count();
         (count > 0).then_some(Self { count, first })
+    }
+}
+
+/// What one look at a plane tells: mostly, that nothing can be wrong with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Extremes {
+    /// The least sample, and the greatest.
+    pub(super) bounds: [f32; 2],
+}
+
+impl Extremes {
+    /// Those of a plane; `None` if a sample is no number or beyond ±1e18.
+    pub(super) fn of(samples: &[f32]) -> Option<Self> {
+        // Eight running bounds: a single one would wait for itself at every sample.
+        let (mut lo, mut hi) = ([f32::INFINITY; 8], [f32::NEG_INFINITY; 8]);
+        let (groups, rest) = samples.as_chunks::<8>();
+        let mut bad = [0_u32; 8];
+        let mut look = |k: usize, x: f32| {
+            lo[k] = if x < lo[k] { x } else { lo[k] };
+            hi[k] = if x > hi[k] { x } else { hi[k] };
+            bad[k] |= u32::from(!is_good(x));
+        };
+        for group in groups {
+            group.iter().enumerate().for_each(|(k, &x)| look(k, x));
+        }
+        rest.iter().enumerate().for_each(|(k, &x)| look(k, x));
+        let least = lo.into_iter().fold(f32::INFINITY, f32::min);
+        let greatest = hi.into_iter().fold(f32::NEG_INFINITY, f32::max);
+        (bad == [0; 8]).then_some(Self { bounds: [least, greatest] })
+    }
+
+    /// Whether all samples lie in bounds.
+    pub(super) fn lie_in(self, [lo, hi]: [f32; 2]) -> bool {
+        self.bounds[0] >= lo && self.bounds[1] <= hi
     }
 }
 
@@ -145,13 +195,23 @@ const ROUNDED: f32 = 1.0 / 1024.0;
 /// The variance of such a feature goes up with its square.
 pub fn bound(samples: &mut [f32], bounds: [f32; 2], marked: &mut [bool]) {
     let [lo, hi] = bounds;
-    for (x, marked) in samples.iter_mut().zip(marked) {
-        *marked |= is_out(*x, bounds);
-        // What is bad is the repair's business, and was left in on purpose.
-        if is_good(*x) {
-            *x = x.clamp(lo, hi);
+    for (samples, marked) in samples.chunks_mut(BLOCK).zip(marked.chunks_mut(BLOCK)) {
+        if all_within(samples, bounds) {
+            continue;
+        }
+        for (x, marked) in samples.iter_mut().zip(marked) {
+            *marked |= is_out(*x, bounds);
+            // What is bad is the repair's business, and was left in on purpose.
+            if is_good(*x) {
+                *x = x.clamp(lo, hi);
+            }
         }
     }
+}
+
+/// Whether no sample is beyond bounds, as it mostly is.
+fn all_within(samples: &[f32], [lo, hi]: [f32; 2]) -> bool {
+    samples.iter().map(|&x| usize::from(x < lo || x > hi)).sum::<usize>() == 0
 }
 
 /// Whether a sample is further out of its bounds than rounding explains.
@@ -170,60 +230,125 @@ pub fn outside(samples: &[f32], feature: Feature, quantity: Quantity) -> Option<
 /// ten thousand). Components of positions and normals, which have two signs, are counted
 /// from their median in the image. Pixels that are no numbers take no part.
 pub fn fireflies(components: &[Vec<f32>], width: usize, feature: Feature) -> Option<Tally> {
-    let magnitude = magnitude(components, feature);
-    let positive = sampled(&magnitude).filter(|&m| m > 0.0);
-    let bright = FIREFLY * median(&mut positive.collect::<Vec<_>>())?;
-    let is_firefly = |&k: &usize| {
-        let value = magnitude[k];
-        value > bright && {
-            let around = median(&mut around(&magnitude, width, k));
-            around.is_some_and(|around| value > FIREFLY * around)
-        }
-    };
+    fireflies_among(components, width, feature, &vec![None; components.len()])
+}
+
+/// The same where one look has told the extremes of components already.
+pub(super) fn fireflies_among(
+    components: &[Vec<f32>],
+    width: usize,
+    feature: Feature,
+    extremes: &[Option<Extremes>],
+) -> Option<Tally> {
+    let magnitude = Magnitude::of(components, feature);
+    let pixels = components.first().map_or(0, Vec::len);
+    let sampled = (0..pixels).step_by(spacing(pixels)).map(|k| magnitude.at(k));
+    let mut positive: Vec<f32> = sampled.filter(|&m| is_good(m) && m > 0.0).collect();
+    let bright = FIREFLY * median(&mut positive)?;
+    if magnitude.greatest(extremes).is_some_and(|greatest| greatest <= bright) {
+        return None;
+    }
     // Rows at a time, so that the positions come in order.
-    let rows: Vec<Vec<usize>> = (0..magnitude.len() / width)
+    let rows: Vec<Vec<usize>> = (0..pixels / width)
         .into_par_iter()
-        .map(|y| (y * width..(y + 1) * width).filter(is_firefly).collect())
+        .map_init(Vec::new, |row, y| {
+            magnitude.row(y * width..(y + 1) * width, row);
+            if row.iter().map(|&m| usize::from(m > bright)).sum::<usize>() == 0 {
+                return Vec::new();
+            }
+            let bright = row.iter().enumerate().filter(|&(_, &m)| m > bright);
+            let bright = bright.map(|(x, &m)| (y * width + x, m));
+            let found = bright.filter(|&(k, m)| magnitude.is_lonely(width, k, m));
+            found.map(|(k, _)| k).collect()
+        })
         .collect();
     Tally::of_positions(rows.into_iter().flatten())
 }
 
 /// Per pixel, how far its components are from nothing; NaN where one is no number.
-fn magnitude(components: &[Vec<f32>], feature: Feature) -> Vec<f32> {
-    let center = |samples: &Vec<f32>| match feature.row().signed {
-        true => median(&mut sampled(samples).collect::<Vec<_>>()).unwrap_or(0.0),
-        false => 0.0,
-    };
-    let mut greatest = vec![0.0f32; components.first().map_or(0, Vec::len)];
-    for samples in components {
-        let center = center(samples);
-        for (greatest, &x) in greatest.iter_mut().zip(samples) {
-            let distance = if is_good(x) { (x - center).abs() } else { f32::NAN };
-            // A NaN stays: neither it nor what is compared with it is greater.
-            if greatest.is_nan() || distance <= *greatest {
-                continue;
+struct Magnitude<'a> {
+    components: &'a [Vec<f32>],
+    /// What is nothing, by component.
+    centers: Vec<f32>,
+}
+
+impl<'a> Magnitude<'a> {
+    fn of(components: &'a [Vec<f32>], feature: Feature) -> Self {
+        let center = |samples: &Vec<f32>| match feature.row().signed {
+            true => median(&mut sampled(samples).collect::<Vec<_>>()).unwrap_or(0.0),
+            false => 0.0,
+        };
+        Self { components, centers: components.iter().map(center).collect() }
+    }
+
+    fn at(&self, pixel: usize) -> f32 {
+        let components = self.components.iter().zip(&self.centers);
+        components
+            .fold(0.0, |greatest, (samples, &center)| greater(greatest, samples[pixel], center))
+    }
+
+    /// That of no pixel is greater, where the extremes of all components are known.
+    fn greatest(&self, extremes: &[Option<Extremes>]) -> Option<f32> {
+        let mut greatest = 0.0;
+        for (extremes, &center) in extremes.iter().zip(&self.centers) {
+            let [least, most] = (*extremes)?.bounds;
+            greatest = greater(greater(greatest, least, center), most, center);
+        }
+        Some(greatest)
+    }
+
+    /// Those of some pixels side by side.
+    fn row(&self, pixels: Range<usize>, row: &mut Vec<f32>) {
+        row.clear();
+        row.resize(pixels.len(), 0.0);
+        for (samples, &center) in self.components.iter().zip(&self.centers) {
+            for (greatest, &x) in row.iter_mut().zip(&samples[pixels.clone()]) {
+                *greatest = greater(*greatest, x, center);
             }
-            *greatest = distance;
         }
     }
-    greatest
+
+    /// Whether a pixel of this magnitude is sixteen times as far from nothing as the lower median
+    /// of those around it: as half of them, and one more if they are even.
+    fn is_lonely(&self, width: usize, pixel: usize, magnitude: f32) -> bool {
+        let height = self.components[0].len() / width;
+        let (x, y) = (pixel % width, pixel / width);
+        let columns = x.saturating_sub(AROUND)..(x + AROUND + 1).min(width);
+        let rows = y.saturating_sub(AROUND)..(y + AROUND + 1).min(height);
+        let (mut good, mut darker) = (0_usize, 0_usize);
+        for k in rows.flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+            let around = self.at(k);
+            if k != pixel && is_good(around) {
+                good += 1;
+                darker += usize::from(magnitude > FIREFLY * around);
+            }
+        }
+        good > 0 && darker > (good - 1) / 2
+    }
+}
+
+/// The greater of a magnitude and the distance of a sample from what is nothing. A NaN stays:
+/// neither it nor what is compared with it is greater.
+#[inline(always)]
+fn greater(greatest: f32, x: f32, center: f32) -> f32 {
+    let distance = (x - center).abs();
+    if !is_good(x) {
+        f32::NAN
+    } else if distance > greatest {
+        distance
+    } else {
+        greatest
+    }
 }
 
 /// The good ones of so many samples, evenly spread, that their median is near that of all.
 fn sampled(samples: &[f32]) -> impl Iterator<Item = f32> {
-    // Odd, so as not to fall on the same few columns in every row.
-    let every = (samples.len() / SAMPLED) | 1;
-    samples.iter().copied().step_by(every).filter(|&x| is_good(x))
+    samples.iter().copied().step_by(spacing(samples.len())).filter(|&x| is_good(x))
 }
 
-/// The good samples around a pixel, without its own.
-fn around(samples: &[f32], width: usize, position: usize) -> Vec<f32> {
-    let height = samples.len() / width;
-    let (x, y) = (position % width, position / width);
-    let columns = x.saturating_sub(AROUND)..(x + AROUND + 1).min(width);
-    let rows = y.saturating_sub(AROUND)..(y + AROUND + 1).min(height);
-    let places = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
-    places.filter(|&k| k != position && is_good(samples[k])).map(|k| samples[k]).collect()
+/// How far apart samples are taken. Odd, so as not to fall on the same few columns in every row.
+fn spacing(count: usize) -> usize {
+    (count / SAMPLED) | 1
 }
 
 /// The lower median. Reorders the samples.
@@ -322,5 +447,31 @@ mod tests {
         assert_eq!(negative(&[-1.0, 0.0, -3.0], Feature::Depth, Quantity::Value), None);
         let many = Tally::of(&[-1.0; 9], |x| x < 0.0);
         assert_eq!(many, Some(Tally { count: 9, first: (0..Tally::TOLD).collect() }));
+    }
+
+    #[test]
+    fn one_look_tells_extremes_unless_something_is_no_number() {
+        let mut samples: Vec<f32> = (0..37).map(|k| (k * 7 % 37) as f32 - 5.0).collect();
+        let extremes = Extremes::of(&samples).expect("all are good");
+        assert_eq!(extremes.bounds, [-5.0, 31.0]);
+        assert!(extremes.lie_in([-5.0, 31.0]) && !extremes.lie_in([-4.0, 40.0]));
+        for bad in [f32::NAN, f32::INFINITY, -2e18] {
+            for place in [0, 8, 36] {
+                samples[place] = bad;
+                assert_eq!(Extremes::of(&samples), None);
+                samples[place] = 0.0;
+            }
+        }
+    }
+
+    #[test]
+    fn what_one_look_tells_changes_no_finding() {
+        let mut image = wall();
+        image[0][150] = 40.0;
+        for feature in [Feature::Color, Feature::WorldPosition, Feature::Normal] {
+            let extremes: Vec<_> = image.iter().map(|samples| Extremes::of(samples)).collect();
+            let found = fireflies(&image, WIDTH, feature);
+            assert_eq!(fireflies_among(&image, WIDTH, feature, &extremes), found, "{feature:?}");
+        }
     }
 }

@@ -3,6 +3,8 @@
 //! All of it from *normalised* features, so that it inherits their independence
 //! of units and exposure. Images are rows of `width` samples without padding.
 
+use rayon::prelude::*;
+
 /// What [`gradient`] computes, for those who must compute it themselves.
 pub const GRADIENT: &str = "per component, the root of the squared differences in x and y, per \
      pixel: central ones, one-sided at the borders";
@@ -52,23 +54,56 @@ fn slope(difference: f64, distance: usize) -> f64 {
 /// typically even where the noise is plain; a renderer's own sample variance
 /// over four samples, with three, by 82%.
 pub fn estimate_variance(components: &[Vec<f32>], width: usize) -> Vec<f32> {
-    let Some(first) = components.first() else { return Vec::new() };
-    let height = first.len() / width;
-    let share = 1.0 / components.len() as f64;
-    let mut out = vec![0.0f64; first.len()];
-    for samples in components {
-        for y in 0..height {
-            let (up, down) = neighbours(y, height);
-            for x in 0..width {
+    let mut out = vec![0.0; components.first().map_or(0, Vec::len)];
+    out.par_chunks_mut(width).enumerate().for_each_init(Vec::new, |sums, (y, out)| {
+        pulp::Arch::new().dispatch(Estimate { components, width, y, sums, out });
+    });
+    out
+}
+
+/// A row of estimates.
+struct Estimate<'a> {
+    components: &'a [Vec<f32>],
+    width: usize,
+    y: usize,
+    /// Memory for the sums over the components.
+    sums: &'a mut Vec<f64>,
+    out: &'a mut [f32],
+}
+
+impl pulp::WithSimd for Estimate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { components, width, y, sums, out } = self;
+        let (up, down) = neighbours(y, components[0].len() / width);
+        let share = 1.0 / components.len() as f64;
+        sums.clear();
+        sums.resize(width, 0.0);
+        for samples in components {
+            let [above, here, below] = [up, y, down].map(|y| &samples[y * width..][..width]);
+            let residual = |left: usize, x: usize, right: usize| {
+                let center = f64::from(here[x]);
+                let row = |row: &[f32]| [left, x, right].map(|x| f64::from(row[x]) - center);
+                plane_residual([row(above), row(here), row(below)])
+            };
+            // The first and the last column have no neighbours on one side; between them the
+            // loop asks for none that may not be there.
+            for x in [0, width - 1] {
                 let (left, right) = neighbours(x, width);
-                let center = f64::from(samples[y * width + x]);
-                let row =
-                    |y: usize| [left, x, right].map(|x| f64::from(samples[y * width + x]) - center);
-                out[y * width + x] += share * plane_residual([row(up), row(y), row(down)]);
+                if x == 0 || width > 1 {
+                    sums[x] += share * residual(left, x, right);
+                }
+            }
+            for (x, sum) in sums.iter_mut().enumerate().take(width - 1).skip(1) {
+                *sum += share * residual(x - 1, x, x + 1);
             }
         }
+        for (out, sum) in out.iter_mut().zip(sums) {
+            *out = *sum as f32;
+        }
     }
-    out.into_iter().map(|variance| variance as f32).collect()
 }
 
 /// Columns and rows of a square whose noise is told apart from that of others.
@@ -112,13 +147,16 @@ pub fn grain(color: &[Vec<f32>], width: usize) -> [f32; 2] {
 }
 
 /// Mean square of nine samples about their least-squares plane.
+#[inline(always)]
 fn plane_residual(v: [[f64; 3]; 3]) -> f64 {
-    let sum = |f: fn(f64) -> f64| v.iter().flatten().map(|&x| f(x)).sum::<f64>();
-    let mean = sum(|x| x) / 9.0;
+    let add = |[a, b, c]: [f64; 3], sum: f64| sum + a + b + c;
+    let [above, here, below] = v;
+    let sum = |f: fn([f64; 3]) -> [f64; 3]| add(f(below), add(f(here), add(f(above), 0.0)));
+    let mean = sum(|row| row) / 9.0;
     let column = |k: usize| v[0][k] + v[1][k] + v[2][k];
     let line = |k: usize| v[k][0] + v[k][1] + v[k][2];
     let (dx, dy) = (column(2) - column(0), line(2) - line(0));
-    let residual = sum(|x| x * x) - 9.0 * mean * mean - (dx * dx + dy * dy) / 6.0;
+    let residual = sum(|row| row.map(|x| x * x)) - 9.0 * mean * mean - (dx * dx + dy * dy) / 6.0;
     // Rounding can leave a trace below zero where the plane fits exactly.
     residual.max(0.0) / 6.0
 }

@@ -6,12 +6,15 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 
 use super::SceneError;
-use super::defect::{self, Tally};
+use super::defect::{self, Extremes, Tally};
 use super::note::Note;
 use super::raw::Origin;
 use super::repair::{self, Repair};
 use super::target::LayerChannels;
 use crate::expr::feature::{Feature, Quantity};
+
+/// Normals that are looked at together.
+const BLOCK: usize = 1024;
 
 /// Mends the features of a scene.
 pub(super) struct Mender<'a> {
@@ -64,19 +67,37 @@ impl Mender<'_> {
             let notes = found.map(|found| Note::FarDepth { count: found.count });
             findings.kinds[Findings::FAR].extend(notes);
         }
-        findings.kinds[Findings::FOUND] = self.kept(feature, quantity, components);
-        findings.kinds[Findings::REPAIRED] = self.repaired(feature, quantity, components)?;
-        if (feature, quantity) == (Feature::Normal, Quantity::Value) {
+        // Mostly this one look tells that nothing is wrong, and no other is needed.
+        let extremes: Vec<_> = components.iter().map(|samples| Extremes::of(samples)).collect();
+        let lie_in = |bounds| extremes.iter().all(|x| x.is_some_and(|x| x.lie_in(bounds)));
+        findings.kinds[Findings::FOUND] = self.kept(feature, quantity, components, &extremes);
+        if extremes.contains(&None) {
+            findings.kinds[Findings::REPAIRED] = self.repaired(feature, quantity, components)?;
+        }
+        let is_normal = (feature, quantity) == (Feature::Normal, Quantity::Value);
+        if is_normal {
             findings.kinds[Findings::BOUNDED].extend(unit_normals(components));
         }
-        findings.kinds[Findings::BOUNDED].extend(bounded(feature, quantity, components));
+        if is_normal || !feature.row().bounds.is_some_and(lie_in) {
+            findings.kinds[Findings::BOUNDED].extend(bounded(feature, quantity, components));
+        }
         Ok(findings)
     }
 
     /// Notes what is found but kept.
-    fn kept(&self, feature: Feature, quantity: Quantity, components: &[Vec<f32>]) -> Vec<Note> {
+    fn kept(
+        &self,
+        feature: Feature,
+        quantity: Quantity,
+        components: &[Vec<f32>],
+        extremes: &[Option<Extremes>],
+    ) -> Vec<Note> {
         let mut notes = Vec::new();
+        let not_negative = |x: &Option<Extremes>| x.is_some_and(|x| x.bounds[0] >= 0.0);
         for (k, samples) in components.iter().enumerate() {
+            if not_negative(&extremes[k]) {
+                continue;
+            }
             let channel = || self.origin.channel(feature, quantity, k);
             let note =
                 |found: Tally| Note::Negative { channel: channel(), quantity, count: found.count };
@@ -84,7 +105,8 @@ impl Mender<'_> {
         }
         if quantity == Quantity::Value {
             let note = |found: Tally| Note::Fireflies { feature, count: found.count };
-            notes.extend(defect::fireflies(components, self.width, feature).map(note));
+            let found = defect::fireflies_among(components, self.width, feature, extremes);
+            notes.extend(found.map(note));
         }
         notes
     }
@@ -157,13 +179,24 @@ fn unit_normals(components: &mut [Vec<f32>]) -> Vec<Note> {
         }
         notes.push(Note::EncodedNormals);
     }
+    let length = |x: f32, y: f32, z: f32| (x * x + y * y + z * z).sqrt();
+    let is_long = |length: f32| length.is_finite() && length > defect::LONG_NORMAL;
     let mut count = 0;
-    for ((x, y), z) in x.iter_mut().zip(y).zip(z) {
-        let length = (*x * *x + *y * *y + *z * *z).sqrt();
-        if length.is_finite() && length > defect::LONG_NORMAL {
-            count += 1;
-            for component in [x, y, z] {
-                *component /= length;
+    let blocks = x.chunks_mut(BLOCK).zip(y.chunks_mut(BLOCK)).zip(z.chunks_mut(BLOCK));
+    for ((x, y), z) in blocks {
+        // Counting takes no branch, so that it is vector code; mostly there is nothing.
+        let all = x.iter().zip(&*y).zip(&*z);
+        let long = all.map(|((&x, &y), &z)| usize::from(is_long(length(x, y, z)))).sum::<usize>();
+        if long == 0 {
+            continue;
+        }
+        count += long;
+        for ((x, y), z) in x.iter_mut().zip(y).zip(z) {
+            let length = length(*x, *y, *z);
+            if is_long(length) {
+                for component in [x, y, z] {
+                    *component /= length;
+                }
             }
         }
     }

@@ -120,9 +120,9 @@ pub const EXTENT: &str = "Extent: per axis, the distance between the 5th and the
 pub fn exposure(rgb: [&[f32]; 3]) -> f32 {
     let [r, g, b] = rgb;
     let luminance = |i: usize| 0.2126 * r[i] + 0.7152 * g[i] + 0.0722 * b[i];
-    let mut positive: Vec<f32> =
+    let positive: Vec<f32> =
         (0..r.len()).map(luminance).filter(|&y| y > 0.0 && y.is_finite()).collect();
-    quantile(&mut positive, 0.5).unwrap_or(1.0)
+    Ranks::of(&positive).quantile(0.5).unwrap_or(1.0)
 }
 
 /// Which pixels show something: those where `evidence` (a feature that is zero
@@ -139,14 +139,15 @@ pub fn geometry(position: &[Vec<f32>], hits: &[bool]) -> ([f32; 3], f32) {
         .par_iter()
         .take(3)
         .map(|samples| {
-            let mut seen: Vec<f32> = samples
+            let seen: Vec<f32> = samples
                 .iter()
                 .zip(hits)
                 .filter(|&(x, &hit)| hit && x.is_finite())
                 .map(|(&x, _)| x)
                 .collect();
-            let spans = [Span::of(&mut seen, NEAR, FAR), Span::of(&mut seen, 0.0, 1.0)];
-            (quantile(&mut seen, 0.5).unwrap_or(0.0), spans)
+            let ranks = Ranks::of(&seen);
+            let spans = [Span::of(&ranks, NEAR, FAR), Span::of(&ranks, 0.0, 1.0)];
+            (ranks.quantile(0.5).unwrap_or(0.0), spans)
         })
         .collect();
     let mut center = [0.0; 3];
@@ -171,9 +172,9 @@ struct Span {
 }
 
 impl Span {
-    /// Of coordinates between two quantiles. Reorders them.
-    fn of(coordinates: &mut [f32], low: f64, high: f64) -> Self {
-        let [low, high] = [low, high].map(|q| quantile(coordinates, q).unwrap_or(0.0));
+    /// Of coordinates between two quantiles.
+    fn of(coordinates: &Ranks<'_>, low: f64, high: f64) -> Self {
+        let [low, high] = [low, high].map(|q| coordinates.quantile(q).unwrap_or(0.0));
         Self { extent: high - low, magnitude: low.abs().max(high.abs()) }
     }
 
@@ -195,9 +196,9 @@ impl Span {
 /// The extent of a scene that is known by its depths alone.
 pub fn depth_extent(depth: &[f32]) -> f32 {
     // Some renderers count depth along a camera axis that points backwards.
-    let mut seen: Vec<f32> =
+    let seen: Vec<f32> =
         depth.iter().map(|d| d.abs()).filter(|&d| d != 0.0 && d.is_finite()).collect();
-    quantile(&mut seen, FAR).and_then(usable).unwrap_or(1.0)
+    Ranks::of(&seen).quantile(FAR).and_then(usable).unwrap_or(1.0)
 }
 
 /// A scale that can be divided by.
@@ -205,11 +206,46 @@ fn usable(scale: f32) -> Option<f32> {
     (scale.is_normal() && scale > 0.0).then_some(scale)
 }
 
-/// The element at a quantile, counted from below. Reorders the samples.
-fn quantile(samples: &mut [f32], q: f64) -> Option<f32> {
-    let last = samples.len().checked_sub(1)?;
-    let rank = (last as f64 * q).floor() as usize;
-    Some(*samples.select_nth_unstable_by(rank, f32::total_cmp).1)
+/// Samples, sorted by their first bits alone: so most of them are known to be on one side of a
+/// quantile.
+struct Ranks<'a> {
+    samples: &'a [f32],
+    /// By the first bits: how many there are.
+    counts: Vec<usize>,
+}
+
+impl<'a> Ranks<'a> {
+    fn of(samples: &'a [f32]) -> Self {
+        let mut counts = vec![0; 1 << BITS];
+        samples.iter().for_each(|&x| counts[bucket(x)] += 1);
+        Self { samples, counts }
+    }
+
+    /// The element at a quantile, counted from below.
+    fn quantile(&self, q: f64) -> Option<f32> {
+        let last = self.samples.len().checked_sub(1)?;
+        let rank = (last as f64 * q).floor() as usize;
+        let mut below = 0;
+        let holds_it = |&count: &usize| {
+            let ends_below = below + count <= rank;
+            below += if ends_below { count } else { 0 };
+            !ends_below
+        };
+        let wanted = self.counts.iter().position(holds_it).expect("the counts add up to all");
+        let near = self.samples.iter().copied().filter(|&x| bucket(x) == wanted);
+        let mut near: Vec<f32> = near.collect();
+        Some(*near.select_nth_unstable_by(rank - below, f32::total_cmp).1)
+    }
+}
+
+/// Bits by which samples are sorted roughly: sign, exponent, and three of the fraction.
+const BITS: u32 = 12;
+
+/// The first bits of a number that is ordered as [`f32::total_cmp`] orders samples.
+fn bucket(x: f32) -> usize {
+    let bits = x.to_bits();
+    let ordered = if bits >> 31 == 0 { bits | 1 << 31 } else { !bits };
+    (ordered >> (u32::BITS - BITS)) as usize
 }
 
 #[cfg(test)]
@@ -279,5 +315,28 @@ mod tests {
         assert_eq!(geometry(&[x.clone(), zeros.clone(), zeros.clone()], &hit).1, 2.0);
         x[50] = 7.0f32.next_up();
         assert_eq!(geometry(&[x, zeros.clone(), zeros], &hit).1, 7.0);
+    }
+
+    #[test]
+    fn quantiles_are_elements_of_the_sorted_samples() {
+        let mut state = 7_u32;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f32::from_bits(state)
+        };
+        for count in [1, 2, 3, 100, 5000] {
+            // Any bits: both signs, both zeros, NaNs and infinities among them.
+            let mut samples: Vec<f32> = (0..count).map(|_| next()).collect();
+            samples[count / 2] = -0.0;
+            let mut sorted = samples.clone();
+            sorted.sort_by(f32::total_cmp);
+            let ranks = Ranks::of(&samples);
+            for q in [0.0, 0.05, 0.5, 0.95, 1.0] {
+                let expected = sorted[((count - 1) as f64 * q).floor() as usize];
+                let found = ranks.quantile(q).expect("there are some");
+                assert_eq!(found.to_bits(), expected.to_bits(), "{q} of {count}");
+            }
+        }
+        assert_eq!(Ranks::of(&[]).quantile(0.5), None);
     }
 }

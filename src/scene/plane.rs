@@ -99,6 +99,18 @@ impl Lines {
         let start = data.as_ptr().align_offset(ALIGN * size_of::<f32>());
         Self { data, start, length }
     }
+
+    /// So many samples, which `fill` adds: nothing is written twice. Whatever it leaves out is
+    /// zero.
+    fn filled(length: usize, fill: impl FnOnce(&mut Vec<f32>)) -> Self {
+        let mut data: Vec<f32> = Vec::with_capacity(length + ALIGN - 1);
+        let start = data.as_ptr().align_offset(ALIGN * size_of::<f32>());
+        data.resize(start, 0.0);
+        fill(&mut data);
+        debug_assert!(data.len() <= start + length, "no more than there is room for");
+        data.resize(start + length, 0.0);
+        Self { data, start, length }
+    }
 }
 
 impl Deref for Lines {
@@ -144,19 +156,18 @@ impl Samples {
     /// If `pixels` does not hold exactly `layout.pixels()` values.
     pub fn new(layout: Layout, pixels: &[f32], edge: Edge) -> Self {
         assert_eq!(pixels.len(), layout.pixels(), "one value per pixel of the layout");
-        let mut data = Lines::zeros(layout.samples());
-        let rows = data.chunks_exact_mut(layout.stride);
-        for (row, padded) in pixels.chunks_exact(layout.width.max(1)).zip(rows) {
-            let (before, after) = match edge {
-                Edge::Replicate => (row[0], row[row.len() - 1]),
-                Edge::Zero => (0.0, 0.0),
-            };
-            let (left, rest) = padded.split_at_mut(layout.pad);
-            let (middle, right) = rest.split_at_mut(row.len());
-            left.fill(before);
-            middle.copy_from_slice(row);
-            right.fill(after);
-        }
+        let data = Lines::filled(layout.samples(), |data| {
+            for row in pixels.chunks_exact(layout.width.max(1)) {
+                let (before, after) = match edge {
+                    Edge::Replicate => (row[0], row[row.len() - 1]),
+                    Edge::Zero => (0.0, 0.0),
+                };
+                data.extend(std::iter::repeat_n(before, layout.pad));
+                data.extend_from_slice(row);
+                let right = layout.stride - layout.pad - row.len();
+                data.extend(std::iter::repeat_n(after, right));
+            }
+        });
         Self { layout, data: Arc::new(data) }
     }
 

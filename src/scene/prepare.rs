@@ -19,6 +19,7 @@ use super::raw::RawScene;
 use super::{LoadOptions, Needs, Scene, SceneError, derive};
 use crate::expr::builder::LIMIT;
 use crate::expr::feature::{Feature, PlaneId, Quantity, Unit};
+use crate::image::is_good;
 
 impl RawScene {
     /// Makes the planes that `needs` names, as far as this scene can provide
@@ -218,7 +219,7 @@ impl Maker<'_> {
             let id = PlaneId { feature, quantity, component: component as u8 };
             if needs.includes(id) { keep(id, samples) } else { Ok(()) }
         };
-        for (k, samples) in normalized.iter().flatten().enumerate() {
+        for (k, samples) in normalized.as_deref().unwrap_or_default().iter().enumerate() {
             if value {
                 add(Quantity::Value, k, samples)?;
             }
@@ -244,13 +245,13 @@ impl Maker<'_> {
     }
 
     /// The feature's components in the scene's own scales.
-    fn normalized(&self, feature: Feature) -> Result<Option<Vec<Vec<f32>>>, SceneError> {
-        let everywhere = |x: f32| Ok(Some(vec![vec![x; self.layout.pixels()]]));
+    fn normalized(&self, feature: Feature) -> Result<Option<Cow<'_, [Vec<f32>]>>, SceneError> {
+        let everywhere = |x: f32| Ok(Some(vec![vec![x; self.layout.pixels()]].into()));
         match feature {
             Feature::Pixel => {
                 let (width, height) = (self.layout.width(), self.layout.height());
                 let axis = |axis| derive::coordinates(width, height, axis);
-                return Ok(Some((0..2).map(axis).collect()));
+                return Ok(Some((0..2).map(axis).collect::<Vec<_>>().into()));
             }
             Feature::Measured => {
                 let stored = self.features.get(Feature::Color, Quantity::Variance)?;
@@ -261,12 +262,12 @@ impl Maker<'_> {
                 let color = if stored { None } else { self.normalized(Feature::Color)? };
                 let grain = color.map(|color| derive::grain(&color, self.layout.width()));
                 let planes = grain.unwrap_or_default().map(|x| vec![x; self.layout.pixels()]);
-                return Ok(Some(planes.into()));
+                return Ok(Some(Vec::from(planes).into()));
             }
             // Whoever filters layers puts them here (`Scene::with_pictures`).
             Feature::Layer => {
                 let nothing = vec![0.0; self.layout.pixels()];
-                return Ok(Some(vec![nothing; Feature::Layer.width()]));
+                return Ok(Some(vec![nothing; Feature::Layer.width()].into()));
             }
             Feature::Samples => {
                 return everywhere(self.samples.unwrap_or(0).min(MOST_SAMPLES) as f32);
@@ -274,6 +275,9 @@ impl Maker<'_> {
             _ => {}
         }
         let Some(raw) = self.features.get(feature, Quantity::Value)? else { return Ok(None) };
+        if feature.row().unit == Unit::Own && raw.iter().all(|samples| all_good(samples)) {
+            return Ok(Some(raw));
+        }
         let divisor = self.divisor(feature);
         let scale = |f: &dyn Fn(f32) -> f32, samples: &[f32]| -> Vec<f32> {
             samples.iter().map(|&x| f(x).clamp(-LIMIT, LIMIT)).collect()
@@ -291,7 +295,7 @@ impl Maker<'_> {
             Unit::Length => scale(&|x| x / divisor, samples),
             Unit::Own => scale(&|x| x, samples),
         });
-        Ok(Some(components.collect()))
+        Ok(Some(components.collect::<Vec<_>>().into()))
     }
 
     /// What a feature's values are divided by.
@@ -328,6 +332,12 @@ impl Maker<'_> {
         limit(&mut variance);
         Ok(variance)
     }
+}
+
+/// Whether all samples can be computed with.
+fn all_good(samples: &[f32]) -> bool {
+    // Counting takes no branch, so that it is vector code.
+    samples.iter().map(|&x| usize::from(is_good(x))).sum::<usize>() == samples.len()
 }
 
 /// Brings samples into the range that expressions compute in.
