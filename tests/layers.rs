@@ -1,4 +1,5 @@
-//! The floors of ARCHITECTURE.md: imports point down only, and files know each other one way.
+//! The floors of ARCHITECTURE.md: imports point down only, and files know each other one way, those
+//! of the C library too.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -26,8 +27,12 @@ fn floor(room: &str) -> Option<usize> {
 /// A module as the names that lead to it from the crate's root.
 type Module = Vec<String>;
 
+/// Where the library's sources are, and those of the C library.
+const LIBRARY: &str = "src";
+const C_LIBRARY: &str = "capi/src";
+
 /// Every module that has a file, with its file.
-fn modules() -> BTreeMap<Module, PathBuf> {
+fn modules(sources: &str) -> BTreeMap<Module, PathBuf> {
     fn collect(folder: &Path, module: &[String], found: &mut BTreeMap<Module, PathBuf>) {
         for entry in fs::read_dir(folder).expect("src is readable") {
             let path = entry.expect("src is readable").path();
@@ -41,7 +46,7 @@ fn modules() -> BTreeMap<Module, PathBuf> {
             }
         }
     }
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(sources);
     let mut found = BTreeMap::new();
     collect(&root, &[], &mut found);
     // These stand above all floors.
@@ -128,8 +133,8 @@ impl<'ast> Visit<'ast> for Paths<'_> {
 }
 
 /// By module: the modules whose files it names something of.
-fn imports() -> BTreeMap<Module, BTreeSet<Module>> {
-    let modules = modules();
+fn imports(sources: &str) -> BTreeMap<Module, BTreeSet<Module>> {
+    let modules = modules(sources);
     let imports = modules.iter().map(|(module, file)| {
         let text = fs::read_to_string(file).expect("sources are readable");
         let syntax = syn::parse_file(&text).expect("sources are Rust");
@@ -148,7 +153,7 @@ fn imports() -> BTreeMap<Module, BTreeSet<Module>> {
 #[test]
 fn imports_point_down() {
     let mut checked = 0;
-    for (module, others) in imports() {
+    for (module, others) in imports(LIBRARY) {
         let room = &module[0];
         let own = floor(room).unwrap_or_else(|| panic!("`{room}` stands on no floor"));
         for other in others {
@@ -195,10 +200,14 @@ fn circles(imports: &BTreeMap<Module, BTreeSet<Module>>) -> Vec<Vec<Module>> {
 
 #[test]
 fn files_know_each_other_one_way() {
-    let circles = circles(&imports());
+    let circles = [LIBRARY, C_LIBRARY].into_iter().flat_map(|sources| {
+        let imports = imports(sources);
+        assert!(imports.values().any(|others| !others.is_empty()), "{sources} is read");
+        circles(&imports)
+    });
     let names = |circle: &Vec<Module>| {
         circle.iter().map(|module| module.join("::")).collect::<Vec<_>>().join(", ")
     };
-    let names: Vec<String> = circles.iter().map(names).collect();
+    let names: Vec<String> = circles.map(|circle| names(&circle)).collect();
     assert!(names.is_empty(), "circles of files:\n{}", names.join("\n"));
 }

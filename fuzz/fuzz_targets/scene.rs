@@ -4,7 +4,7 @@
 #![no_main]
 
 use std::path::Path;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use libfuzzer_sys::fuzz_target;
 use tamis::backend::{Backend, Interpreter, Rect};
@@ -43,7 +43,7 @@ fn rewritten(path: &Path) -> Result<(), DenoiseError> {
     let filter = Some(Filter::single("fuzzed", WEIGHT.clone(), PAD as u32));
     let load = LoadOptions { unfinished: Unfinished::Zero, ..LoadOptions::default() };
     let options = Options { filter, load, ..Options::default() };
-    let denoised = Denoiser::new(&Interpreter, options).denoise(path)?;
+    let denoised = Denoiser::new(Arc::new(Interpreter), options).denoise(path)?;
     let copy = FOLDER.path().join("fuzzed copy.exr");
     denoised.save(&copy)?;
     load_image(&copy).expect("what was written is an image");

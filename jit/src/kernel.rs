@@ -1,4 +1,5 @@
-//! A compiled kernel: executable memory and the only `unsafe` of the project.
+//! A compiled kernel: executable memory, and all the `unsafe` there is but that of the C library
+//! and of the Python package.
 //!
 //! Each kernel has memory of its own, written first and only then made
 //! executable, never both at once: Cranelift's module sees to that for what it

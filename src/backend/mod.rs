@@ -16,7 +16,9 @@
 //! **The guard.** Where Σ w cannot be trusted the noisy colour stays, and is
 //! counted: see [`TRUSTED_SUM`] and [`TRUSTED_SHARE`].
 
+mod choice;
 mod cpu;
+mod fallback;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod reference;
@@ -25,13 +27,16 @@ pub mod shader;
 mod stoppable;
 
 use std::any::Any;
+use std::ops::ControlFlow;
 
 use crate::plan::{Gradient, Plan, Precision};
 use crate::scene::{Fact, Facts, Scene};
 
+pub use choice::{Choice, Opening, auto};
 pub use cpu::Interpreter;
 #[cfg(feature = "jit")]
 pub use cpu::Jit;
+pub use fallback::{Fallback, Remarks};
 #[cfg(feature = "gpu")]
 pub use gpu::Gpu;
 pub use reference::Exact;
@@ -137,6 +142,12 @@ pub enum BackendError {
     #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] gpu::GpuError),
+    /// This build does not have the back end.
+    #[error("this build has no back end `{backend}`; build it with the feature `{backend}`")]
+    NotBuilt {
+        /// Its name, and its feature's.
+        backend: &'static str,
+    },
     /// The scene's planes are padded for smaller windows.
     #[error("the window reaches {reach} pixels but the scene was loaded for windows of {pad}")]
     Padding {
@@ -176,7 +187,7 @@ pub enum BackendError {
         /// The image's height.
         height: usize,
     },
-    /// Somebody asked to stop: see [`Stoppable`].
+    /// Somebody asked to stop: a [`Watch`], or whoever raised the flag of a [`Stoppable`].
     #[error("it was stopped")]
     Stopped,
 }
@@ -221,14 +232,14 @@ pub trait Executable: Send + Sync {
     /// plan's [facts](crate::plan::WindowPlan::facts) and they do not hold of the scene; if a
     /// rectangle lies outside of it; if the device fails.
     fn run(&self, scene: &Scene, region: &[Rect]) -> Result<Vec<Filtered>, BackendError> {
-        self.run_watched(scene, region, &|_| {})
+        self.run_watched(scene, region, UNWATCHED)
     }
 
     /// The same, and tells how far it is: rows of the region's rectangles as they are done, all
     /// of them when it returns.
     ///
     /// # Errors
-    /// Those of [`run`](Self::run).
+    /// Those of [`run`](Self::run), and [`BackendError::Stopped`] if the watch breaks off.
     fn run_watched(
         &self,
         scene: &Scene,
@@ -237,8 +248,19 @@ pub trait Executable: Send + Sync {
     ) -> Result<Vec<Filtered>, BackendError>;
 }
 
-/// Whoever is told, from any thread, that so many more rows are done.
-pub type Watch<'w> = dyn Fn(usize) + Sync + 'w;
+/// Whoever is told, from any thread, that so many more rows are done, and says whether to go on.
+pub type Watch<'w> = dyn Fn(usize) -> ControlFlow<()> + Sync + 'w;
+
+/// Nobody looks.
+pub const UNWATCHED: &Watch<'static> = &|_| ControlFlow::Continue(());
+
+/// Tells a watch, and stops where it says so.
+fn tell(watch: &Watch<'_>, rows: usize) -> Result<(), BackendError> {
+    match watch(rows) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(BackendError::Stopped),
+    }
+}
 
 /// A loss: given the filtered colours of a whole image, row by row in units of the exposure,
 /// it says how bad they are, and writes its derivative by each of them.

@@ -1,13 +1,14 @@
 //! What runs filters, as the command line asks for it.
 
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
 use super::error::Error;
 use super::log::Log;
-use crate::backend::{Backend, Differentiator, Exact, Interpreter};
+use crate::backend::{self, Backend, Differentiator, Exact, Interpreter, Opening};
 use crate::plan::{Passes, Precision};
 
 /// What runs filters on the processor.
@@ -100,13 +101,13 @@ impl Lanes {
 
     /// Machine code of that width.
     #[cfg(feature = "jit")]
-    pub(super) fn open(self) -> Result<crate::backend::Jit, Error> {
+    pub(super) fn open(self) -> Result<backend::Jit, Error> {
         self.jit().map_err(|error| Error::NoMachineCode { reason: error.to_string() })
     }
 
     #[cfg(feature = "jit")]
-    fn jit(self) -> Result<crate::backend::Jit, crate::backend::BackendError> {
-        use crate::backend::{Jit, Width};
+    fn jit(self) -> Result<backend::Jit, backend::BackendError> {
+        use backend::{Jit, Width};
 
         match self {
             Self::Auto => Jit::new(),
@@ -211,7 +212,6 @@ pub(super) struct BackendArgs {
     precision: Tier,
 }
 
-#[cfg(feature = "gpu")]
 const TWO: NonZeroUsize = NonZeroUsize::new(2).expect("not zero");
 
 /// Half of the memory that is free, in bytes; no bound where nobody can tell.
@@ -238,10 +238,6 @@ fn memory(text: &str) -> Result<u64, String> {
     let size = text.parse::<bytesize::ByteSize>();
     size.map(|size| size.as_u64()).map_err(|_| "expected a size such as 512M or 2GiB".to_owned())
 }
-
-/// Memory for buffers on the GPU, unless something else is said.
-#[cfg(feature = "gpu")]
-const GPU_BUFFERS: u64 = 1 << 30;
 
 impl BackendArgs {
     /// Memory for images and what is made of them on the processor, in bytes. GPUs have
@@ -288,13 +284,6 @@ impl BackendArgs {
         Err(Error::NoGpu)
     }
 
-    #[cfg(not(feature = "gpu"))]
-    fn auto(&self, log: Log) -> Result<Opened, Error> {
-        let _ = self.precision;
-        log.say("--backend auto: this program was built without GPUs; the processor filters");
-        Ok(Opened { backend: self.open_processor(Processor::DEFAULT)?, frames: NonZeroUsize::MIN })
-    }
-
     #[cfg(feature = "gpu")]
     fn gpu(&self) -> Result<Opened, Error> {
         if self.precision == Tier::Exact {
@@ -307,47 +296,29 @@ impl BackendArgs {
         if self.lanes.lanes != Lanes::Auto {
             return Err(self.lanes.lanes.refused());
         }
-        let gpu = crate::backend::Gpu::open(&self.options())?;
-        Ok(Opened { backend: Box::new(gpu), frames: TWO })
+        let backend = backend::Choice::Gpu.open(&self.opening(Log::new(true)))?;
+        Ok(Opened { backend, frames: TWO })
     }
 
-    #[cfg(feature = "gpu")]
     fn auto(&self, log: Log) -> Result<Opened, Error> {
-        use crate::backend::gpu::{Gpu, Kind, choose};
-
         if self.precision == Tier::Exact {
             log.say("--backend auto: the processor, as GPUs do not compute in f64");
             return self.processor(Processor::DEFAULT);
         }
         let processor = self.open_processor(Processor::DEFAULT)?;
-        let opened = choose(self.gpu.as_deref()).and_then(|adapter| match adapter.kind() {
-            // Somebody may want to see it work; by itself nobody is served by it.
-            Kind::Software if self.gpu.is_none() => Ok(Err(adapter.name().to_owned())),
-            Kind::Discrete | Kind::Integrated | Kind::Virtual | Kind::Unknown | Kind::Software => {
-                Gpu::with(&adapter, &self.options()).map(Ok)
-            }
-        });
         let name = processor.name();
-        let reason = match opened {
-            Ok(Ok(gpu)) => {
-                log.say(format_args!("--backend auto: {}", gpu.adapter_name()));
-                let backend = super::fallback::Fallback::new(Box::new(gpu), processor, log);
-                return Ok(Opened { backend: Box::new(backend), frames: TWO });
-            }
-            Ok(Err(software)) => format!("{software} computes on the processor itself"),
-            Err(error) => error.to_string(),
-        };
-        log.say(format_args!("--backend auto: {name}, as there is no GPU to use: {reason}"));
-        Ok(Opened { backend: processor, frames: NonZeroUsize::MIN })
+        let backend = backend::auto(processor, &self.opening(log))?;
+        let frames = if backend.name() == name { NonZeroUsize::MIN } else { TWO };
+        Ok(Opened { backend, frames })
     }
 
-    #[cfg(feature = "gpu")]
-    fn options(&self) -> crate::backend::gpu::Options {
-        crate::backend::gpu::Options {
-            adapter: self.gpu.clone(),
-            max_memory: self.max_memory.unwrap_or(GPU_BUFFERS),
+    fn opening(&self, log: Log) -> Opening {
+        let defaults = Opening::default();
+        Opening {
             precision: self.precision.precision(),
-            ..crate::backend::gpu::Options::default()
+            gpu: self.gpu.clone(),
+            gpu_memory: self.max_memory.unwrap_or(defaults.gpu_memory),
+            remarks: Arc::new(move |text| log.say(format_args!("--backend auto: {text}"))),
         }
     }
 }

@@ -13,7 +13,7 @@ use crate::image::exr::Window;
 use crate::image::{Image, write_atomically};
 use crate::report::page::compare::ComparePage;
 use crate::report::score::{MetricsJson, json};
-use crate::report::{Align, Contrast, FIGURES, Format, Table};
+use crate::report::{Align, Contrast, FIGURES, Format, Table, common_window};
 use crate::scene::load_image;
 
 const EXAMPLES: &str = "\
@@ -63,7 +63,7 @@ impl Compare {
         }
         let reference = load_image(reference)?;
         let images = paths.iter().map(|path| load_image(path)).collect::<Result<Vec<_>, _>>()?;
-        let overlap = overlap(&images, &reference);
+        let overlap = common_window(&images, &reference);
         let cut = |image: Image| match overlap {
             Some(window) => image.within(window),
             None => image,
@@ -161,14 +161,4 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
         Some(_) | None => long(path),
     };
     paths.iter().map(name).collect()
-}
-
-/// The window that all images have, if they begin at different places.
-fn overlap(images: &[Image], reference: &Image) -> Option<Window> {
-    let own = reference.window()?;
-    let windows = images.iter().map(Image::window).collect::<Option<Vec<Window>>>()?;
-    match windows.iter().all(|window| window.origin == own.origin) {
-        true => None,
-        false => windows.iter().try_fold(own, |all, window| all.overlap(window)),
-    }
 }

@@ -4,6 +4,7 @@ use std::io;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+use crate::backend::BackendError;
 use crate::denoise::DenoiseError;
 use crate::evolve::{self, programs};
 use crate::explain;
@@ -78,10 +79,9 @@ pub(super) enum Error {
     #[cfg(not(feature = "gpu"))]
     #[error("the program was built without the feature `gpu`; use `--backend jit`")]
     NoGpu,
-    /// The GPU cannot be used.
-    #[cfg(feature = "gpu")]
+    /// A back end cannot be used.
     #[error(transparent)]
-    Gpu(#[from] crate::backend::gpu::GpuError),
+    Backend(#[from] BackendError),
     /// Results of an older run would be replaced.
     #[error(
         "{run}: there is an older run here; go on with it (--resume), write elsewhere \
@@ -258,8 +258,6 @@ impl Error {
         match self {
             #[cfg(not(feature = "gpu"))]
             Self::NoGpu => 1,
-            #[cfg(feature = "gpu")]
-            Self::Gpu(_) => 1,
             Self::Usage(_) | Self::Radius(_) | Self::Search(evolve::Error::Setting { .. }) => 2,
             Self::Renamed { status, .. } => *status,
             Self::Tuning(error) if matches!(**error, tune::Error::Setting { .. }) => 2,
@@ -273,6 +271,7 @@ impl Error {
             | Self::Interrupted { .. }
             | Self::Explain(_)
             | Self::Denoise(_)
+            | Self::Backend(_)
             | Self::NoMachineCode { .. }
             | Self::MissingInputs { .. }
             | Self::OlderRun { .. }

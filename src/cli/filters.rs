@@ -9,7 +9,7 @@ use super::error::Error;
 use super::resolve;
 use crate::expr::codebook;
 use crate::expr::text::latex;
-use crate::filter::{Filter, shipped, show};
+use crate::filter::{Filter, names, shipped, show};
 use crate::report::score::json;
 
 const EXAMPLES: &str = "\
@@ -75,7 +75,7 @@ impl Filters {
             return Ok(format!("{}\n\n{}", filter.name, show(&checked)));
         }
         let named = !self.filters.is_empty();
-        let wanted = if named { self.filters.clone() } else { resolve::names() };
+        let wanted = if named { self.filters.clone() } else { names() };
         let mut entries = Vec::with_capacity(wanted.len());
         for text in wanted {
             entries.push(self.entry(resolve::resolve(&text, None)?));

@@ -47,6 +47,7 @@ struct Entry {
 #[cfg(feature = "gpu")]
 impl Gpus {
     pub(super) fn run(&self) -> Result<String, Error> {
+        use crate::backend::BackendError;
         use crate::backend::gpu::{GpuError, adapters};
         use crate::report::score::json;
         use crate::report::{Align, Format, Table};
@@ -71,7 +72,7 @@ impl Gpus {
             return Ok(json(&entries));
         }
         if entries.is_empty() {
-            return Err(GpuError::NoAdapter.into());
+            return Err(BackendError::from(GpuError::NoAdapter).into());
         }
         let mut table = Table::new([
             ("#", Align::Right),

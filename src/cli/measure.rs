@@ -5,7 +5,7 @@ use super::error::Error;
 use super::log::Log;
 use super::options::Running;
 use crate::backend::Backend;
-use crate::denoise::{Applied, How, apply};
+use crate::denoise::{Applied, Run, apply};
 use crate::filter::Filter;
 use crate::image::{Image, Metrics};
 use crate::plan::Passes;
@@ -34,7 +34,7 @@ impl<'a> Measuring<'a> {
 
     /// Applies a filter.
     pub(super) fn apply(&self, filter: &Filter, scene: &Scene) -> Result<(Image, Applied), Error> {
-        Ok(apply(filter, scene, self.backend, How::new(self.passes))?)
+        Ok(apply(filter, scene, self.backend, self.passes, Run::default())?)
     }
 
     /// Runs every filter on every scene. That a filter cannot run on a scene is

@@ -21,8 +21,6 @@ mod error;
 mod evolve;
 mod explain;
 mod export;
-#[cfg(feature = "gpu")]
-mod fallback;
 mod filters;
 mod gpus;
 mod host;

@@ -8,9 +8,9 @@ use super::error::Error;
 use super::log::Log;
 use super::measure::Measuring;
 use super::options::Running;
-use super::resolve::{named, names, resolve};
+use super::resolve::resolve;
 use super::scenes;
-use crate::filter::Filter;
+use crate::filter::{Filter, names};
 use crate::report::{Format, Total};
 
 const EXAMPLES: &str = "\
@@ -69,8 +69,9 @@ impl Score {
 /// have names, if there are no texts. Another radius is for single weights: of the named
 /// filters, programs are then left out.
 pub(super) fn filters(texts: &[String], radius: Option<u32>) -> Result<Vec<Filter>, Error> {
-    let takes =
-        |name: &String| radius.is_none() || named(name).is_some_and(|f| f.paper().is_some());
+    let takes = |name: &String| {
+        radius.is_none() || Filter::named(name).is_some_and(|f| f.paper().is_some())
+    };
     let all: Vec<String> = names().into_iter().filter(takes).collect();
     let texts = if texts.is_empty() { &all } else { texts };
     let filters: Result<Vec<Filter>, Error> =

@@ -3,40 +3,37 @@
 use std::time::{Duration, Instant};
 
 use super::DenoiseError;
-use crate::backend::{Backend, Executable, Filtered, Rect, Watch};
+use crate::backend::{Backend, Executable, Filtered, Rect, UNWATCHED, Watch};
 use crate::filter::{Carrying, Filter};
 use crate::image::Image;
 use crate::plan::{Passes, Plan, PlanError};
 use crate::scene::{Facts, Scene};
 
 /// A filter, planned and compiled for scenes of which some facts hold.
-pub struct Code<'a> {
-    filter: &'a Filter,
+pub struct Code {
+    /// What the filter is called.
+    filter: String,
     plan: Plan,
     code: Box<dyn Executable>,
-    strength: f32,
-    watch: &'a Watch<'a>,
     /// How long planning took.
     pub planning: Duration,
     /// How long compilation took.
     pub compilation: Duration,
 }
 
-/// How a filter is applied.
+/// How code is run.
 #[derive(Clone, Copy)]
-pub struct How<'w> {
-    /// How its plan is made.
-    pub passes: Passes,
+pub struct Run<'w> {
     /// How much of the result is taken, between 0 and 1; the rest is the noisy colour.
     pub strength: f32,
     /// Who is told how many more rows are done.
     pub watch: &'w Watch<'w>,
 }
 
-impl How<'_> {
-    /// All of the result, and nobody looks.
-    pub fn new(passes: Passes) -> Self {
-        Self { passes, strength: 1.0, watch: &|_| {} }
+/// All of the result, and nobody looks.
+impl Default for Run<'_> {
+    fn default() -> Self {
+        Self { strength: 1.0, watch: UNWATCHED }
     }
 }
 
@@ -62,20 +59,19 @@ impl Applied {
     }
 }
 
-impl<'a> Code<'a> {
+impl Code {
     /// Plans and compiles a filter. `scene` is what errors call what it is made for.
     ///
     /// # Errors
     /// If it cannot be planned, or the back end fails.
     pub fn new(
-        filter: &'a Filter,
+        filter: &Filter,
         (scene, facts): (&str, &Facts),
         backend: &dyn Backend,
-        How { passes, strength, watch }: How<'a>,
+        passes: Passes,
     ) -> Result<Self, DenoiseError> {
         let checked = filter.check().expect("only filters that make sense get here");
-        let plan = || Plan::of(&checked, facts, passes);
-        Self::planned(filter, scene, backend, How { passes, strength, watch }, plan)
+        Self::planned(&filter.name, scene, backend, || Plan::of(&checked, facts, passes))
     }
 
     /// The same of a filter of several pictures.
@@ -83,36 +79,33 @@ impl<'a> Code<'a> {
     /// # Errors
     /// If it cannot be planned, or the back end fails.
     pub fn of_pictures(
-        carrying: &'a Carrying,
+        carrying: &Carrying,
         (scene, facts): (&str, &Facts),
         backend: &dyn Backend,
-        how: How<'a>,
+        passes: Passes,
     ) -> Result<Self, DenoiseError> {
-        let plan = || Plan::of_pictures(carrying, facts, how.passes);
-        Self::planned(&carrying.filter, scene, backend, how, plan)
+        let plan = || Plan::of_pictures(carrying, facts, passes);
+        Self::planned(&carrying.filter.name, scene, backend, plan)
     }
 
     fn planned(
-        filter: &'a Filter,
+        filter: &str,
         scene: &str,
         backend: &dyn Backend,
-        How { strength, watch, .. }: How<'a>,
         plan: impl FnOnce() -> Result<Plan, PlanError>,
     ) -> Result<Self, DenoiseError> {
+        let (scene, filter) = (scene.to_owned(), filter.to_owned());
         let start = Instant::now();
-        let plan = plan().map_err(|source| DenoiseError::Plan {
-            scene: scene.to_owned(),
-            filter: filter.name.clone(),
-            source,
-        })?;
+        let plan = match plan() {
+            Ok(plan) => plan,
+            Err(source) => return Err(DenoiseError::Plan { scene, filter, source }),
+        };
         let planning = start.elapsed();
         let start = Instant::now();
-        let code = backend.compile(&plan).map_err(|source| DenoiseError::Run {
-            scene: scene.to_owned(),
-            filter: filter.name.clone(),
-            source,
-        })?;
-        Ok(Self { filter, plan, code, strength, watch, planning, compilation: start.elapsed() })
+        match backend.compile(&plan) {
+            Ok(code) => Ok(Self { filter, plan, code, planning, compilation: start.elapsed() }),
+            Err(source) => Err(DenoiseError::Run { scene, filter, source }),
+        }
     }
 
     /// The plan.
@@ -124,8 +117,8 @@ impl<'a> Code<'a> {
     ///
     /// # Errors
     /// If the back end fails.
-    pub fn run(&self, scene: &Scene, rect: Rect) -> Result<Filtered, DenoiseError> {
-        let filtered = self.run_pictures(scene, &[], rect)?;
+    pub fn run(&self, scene: &Scene, rect: Rect, run: Run<'_>) -> Result<Filtered, DenoiseError> {
+        let filtered = self.run_pictures(scene, &[], rect, run)?;
         Ok(filtered.into_iter().next().expect("there is a result"))
     }
 
@@ -139,11 +132,12 @@ impl<'a> Code<'a> {
         scene: &Scene,
         pictures: &[[Vec<f32>; 3]],
         rect: Rect,
+        Run { strength, watch }: Run<'_>,
     ) -> Result<Vec<Filtered>, DenoiseError> {
-        let filtered = self.code.run_watched(scene, &[rect], self.watch);
+        let filtered = self.code.run_watched(scene, &[rect], watch);
         let filtered = filtered.map_err(|source| DenoiseError::Run {
             scene: scene.name().to_owned(),
-            filter: self.filter.name.clone(),
+            filter: self.filter.clone(),
             source,
         })?;
         let width = scene.layout().width();
@@ -157,16 +151,16 @@ impl<'a> Code<'a> {
                 if let Some(alpha) = scene.alpha() {
                     keep_uncovered(pixel, alpha[y * width + x], noisy(k, x, y));
                 }
-                if self.strength < 1.0 {
+                if strength < 1.0 {
                     for (channel, noisy) in pixel.iter_mut().zip(noisy(k, x, y)) {
-                        *channel = noisy + self.strength * (*channel - noisy);
+                        *channel = noisy + strength * (*channel - noisy);
                     }
                 }
             }
             filtered
         };
         // Whole images need no other look at all of their pixels.
-        if scene.alpha().is_none() && self.strength >= 1.0 {
+        if scene.alpha().is_none() && strength >= 1.0 {
             return Ok(filtered);
         }
         Ok(filtered.into_iter().enumerate().map(finish).collect())
@@ -189,20 +183,21 @@ pub fn apply(
     filter: &Filter,
     scene: &Scene,
     backend: &dyn Backend,
-    how: How<'_>,
+    passes: Passes,
+    run: Run<'_>,
 ) -> Result<(Image, Applied), DenoiseError> {
     let checked = filter.check().expect("only filters that make sense get here");
     scene.require(&checked.required())?;
-    let code = Code::new(filter, (scene.name(), &Facts::of(scene)), backend, how)?;
+    let code = Code::new(filter, (scene.name(), &Facts::of(scene)), backend, passes)?;
     let start = Instant::now();
-    let filtered = code.run(scene, Rect::whole(scene))?;
-    let filtering = start.elapsed();
-    let kept = filtered.kept.clone();
-    let image = image(scene, filtered)
-        .with_attributes(scene.attributes())
-        .with_alpha(scene.alpha().map(<[f32]>::to_vec));
-    let Code { planning, compilation, .. } = code;
-    Ok((image, Applied { kept, planning, compilation, filtering }))
+    let filtered = code.run(scene, Rect::whole(scene), run)?;
+    let applied = Applied {
+        kept: filtered.kept.clone(),
+        planning: code.planning,
+        compilation: code.compilation,
+        filtering: start.elapsed(),
+    };
+    Ok((image(scene, filtered), applied))
 }
 
 /// Filters a scene and other pictures, as the file has them, by the weights of its colour. What
@@ -218,28 +213,30 @@ pub(super) fn apply_pictures(
     scene: &Scene,
     pictures: &[[Vec<f32>; 3]],
     backend: &dyn Backend,
-    how: How<'_>,
+    passes: Passes,
+    run: Run<'_>,
 ) -> Result<(Vec<Image>, Applied), DenoiseError> {
     assert_eq!(pictures.len(), carrying.pictures.len(), "a picture for each that is carried");
     let checked = carrying.filter.check().expect("it was checked when it was made");
     scene.require(&checked.required())?;
-    let code = Code::of_pictures(carrying, (scene.name(), &Facts::of(scene)), backend, how)?;
+    let code = Code::of_pictures(carrying, (scene.name(), &Facts::of(scene)), backend, passes)?;
     let start = Instant::now();
-    let filtered = code.run_pictures(scene, pictures, Rect::whole(scene))?;
-    let filtering = start.elapsed();
-    let kept = carrying.own.iter().map(|&k| filtered[0].kept[usize::from(k)]).collect();
-    let images = filtered.into_iter().map(|filtered| {
-        image(scene, filtered)
-            .with_attributes(scene.attributes())
-            .with_alpha(scene.alpha().map(<[f32]>::to_vec))
-    });
-    let images = images.collect();
-    let Code { planning, compilation, .. } = code;
-    Ok((images, Applied { kept, planning, compilation, filtering }))
+    let filtered = code.run_pictures(scene, pictures, Rect::whole(scene), run)?;
+    let applied = Applied {
+        kept: carrying.own.iter().map(|&k| filtered[0].kept[usize::from(k)]).collect(),
+        planning: code.planning,
+        compilation: code.compilation,
+        filtering: start.elapsed(),
+    };
+    Ok((filtered.into_iter().map(|filtered| image(scene, filtered)).collect(), applied))
 }
 
-fn image(scene: &Scene, Filtered { pixels, .. }: Filtered) -> Image {
+/// Filtered pixels with what the file says beside them.
+pub(super) fn image(scene: &Scene, Filtered { pixels, .. }: Filtered) -> Image {
     let rgb = [0, 1, 2].map(|channel| pixels.iter().map(|c| c[channel]).collect());
     let (width, height) = (scene.layout().width(), scene.layout().height());
-    Image::new(scene.name(), width, height, rgb).expect("one colour per pixel of the scene")
+    Image::new(scene.name(), width, height, rgb)
+        .expect("one colour per pixel of the scene")
+        .with_attributes(scene.attributes())
+        .with_alpha(scene.alpha().map(<[f32]>::to_vec))
 }

@@ -1,45 +1,107 @@
 //! Floor 6: filters applied to images, as `tamis denoise` does.
 //!
-//! A [`Denoiser`] reads a file, filters it with what was asked for or with the best shipped
-//! filter that the file can feed, and gives an image back. [`Code`] is a filter that is
-//! ready to run on scenes that are in memory already.
+//! A [`Denoiser`] filters files, and frames in memory, with what was asked for or with `tamis`:
 //!
-//! ```no_run
-//! use tamis::backend::Interpreter;
-//! use tamis::denoise::{Denoiser, Options};
+//! ```
+//! use tamis::denoise::Denoiser;
 //!
-//! let denoised = Denoiser::new(&Interpreter, Options::default()).denoise("noisy.exr".as_ref())?;
-//! denoised.save("clean.exr".as_ref())?;
-//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! let (width, height) = (64, 48);
+//! let noise = |k: usize| if (k + k / width) % 2 == 0 { 0.6 } else { 0.4 };
+//! let color: Vec<f32> = (0..3 * width * height).map(|k| noise(k / 3)).collect();
+//! let mut clean = vec![0.0f32; color.len()];
+//!
+//! let denoiser = Denoiser::builder().build()?;
+//! let report = denoiser.frame(width, height).color(&color).run(&mut clean)?;
+//! assert!(clean.iter().all(|x| (x - 0.5).abs() < 0.05));
+//! println!("{} took {:?}", report.backend, report.applied.filtering);
+//! # Ok::<(), tamis::denoise::DenoiseError>(())
 //! ```
 //!
-//! Images that do not fit in memory are [spilled](crate::scene::SpilledScene) and filtered
-//! part by part, to the same bits.
+//! Renderers have more than a colour, in buffers of many shapes ([`View`]), and want to be told
+//! how far it is:
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//!
+//! use half::f16;
+//! use tamis::backend::Choice;
+//! use tamis::denoise::{Denoiser, View, ViewMut};
+//! use tamis::expr::{Feature, Quantity};
+//! use tamis::filter::Filter;
+//!
+//! let (width, height) = (64, 48);
+//! let pixels = width * height;
+//! let mut rgba = vec![0.5f32; 4 * pixels];        // filtered in place; the alpha stays
+//! let albedo = vec![f16::from_f32(0.8); 3 * pixels]; // all of R, then of G, then of B
+//! let normal = [0.0f32, 0.0, 1.0].repeat(pixels);
+//! let variance = vec![0.01f32; 3 * pixels];
+//!
+//! let fast = Filter::named("tamis-fast").expect("it ships");
+//! let denoiser = Denoiser::builder().filter(fast).backend(Choice::Auto).build()?;
+//! let filtered = denoiser
+//!     .frame(width, height)
+//!     .color(View::interleaved(&rgba, 4))
+//!     .albedo(View::planar(&albedo))
+//!     .normal(&normal)
+//!     .feature(Feature::Color, Quantity::Variance, &variance)
+//!     .samples(16)
+//!     .progress(&|done, of| if done < of { ControlFlow::Continue(()) } else { ControlFlow::Break(()) })
+//!     .filter();
+//! assert!(filtered.is_err_and(|error| error.is_stop()), "the last row was not wanted");
+//!
+//! let filtered = denoiser.frame(width, height).color(View::interleaved(&rgba, 4)).filter()?;
+//! filtered.write(&mut ViewMut::interleaved(&mut rgba, 4))?;
+//! # Ok::<(), tamis::denoise::DenoiseError>(())
+//! ```
+//!
+//! Files keep whatever is in them beside the colour:
+//!
+//! ```no_run
+//! use tamis::denoise::Denoiser;
+//!
+//! let denoised = Denoiser::builder().build()?.denoise("noisy.exr".as_ref())?;
+//! denoised.save("clean.exr".as_ref())?;
+//! # Ok::<(), tamis::denoise::DenoiseError>(())
+//! ```
+//!
+//! Files that do not fit in memory are [spilled](crate::scene::SpilledScene) and filtered
+//! part by part, to the same bits. [`Code`] is a filter that is ready to run on scenes that were
+//! prepared already.
 
+mod buffers;
+mod builder;
 mod code;
 mod error;
 mod feeds;
 mod parts;
+mod view;
 mod whole;
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use glob::Pattern;
+use rayon::ThreadPool;
 
-use crate::backend::{Backend, Watch};
+use crate::backend::{Backend, Filtered, Rect, Watch};
 use crate::expr::Feature;
 use crate::filter::{Carrying, Filter, shipped};
 use crate::image::Image;
 use crate::plan::{Passes, Precision};
 use crate::scene::listing::Aux;
 use crate::scene::mapping::Selection;
-use crate::scene::{LayerChannels, LoadOptions, Note, Scene, SpilledScene, Target, Weight};
+use crate::scene::{Facts, LayerChannels, LoadOptions, Note, Scene, SpilledScene, Target, Weight};
 
-pub use code::{Applied, Code, How, apply};
+pub use buffers::{Buffers, Pixels, Report};
+pub use builder::Builder;
+pub use code::{Applied, Code, Run, apply};
 pub use error::DenoiseError;
 pub use feeds::Feeds;
+pub use view::{Sample, SampleType, Strides, View, ViewError, ViewMut};
 pub use whole::ATTRIBUTE;
 
 /// How images are denoised.
@@ -64,11 +126,18 @@ pub struct Options {
     pub max_memory: Option<u64>,
 }
 
-/// Denoises images.
-pub struct Denoiser<'a> {
-    backend: &'a dyn Backend,
+/// Who is told how many rows are done, and of how many, and says whether to go on.
+pub type Progress<'p> = dyn Fn(usize, usize) -> ControlFlow<()> + Sync + 'p;
+
+/// Denoises images: files, and frames in memory. Several threads may use one at a time.
+pub struct Denoiser {
+    backend: Arc<dyn Backend>,
     filter: Filter,
     options: Options,
+    /// Threads of its own.
+    threads: Option<ThreadPool>,
+    /// The filter as code for the latest image, and for others of which the same is known.
+    ready: Mutex<Option<(Facts, Arc<Code>)>>,
 }
 
 /// A frame that was read.
@@ -79,10 +148,10 @@ pub struct Frame {
 /// A picture that was read.
 struct Loaded {
     target: Target,
-    pixels: Pixels,
+    scene: Prepared,
 }
 
-enum Pixels {
+enum Prepared {
     InMemory(Box<Scene>),
     Spilled(Box<SpilledScene>),
 }
@@ -115,16 +184,75 @@ pub struct Picture {
     pub applied: Applied,
 }
 
-impl<'a> Denoiser<'a> {
-    /// One that filters on this back end.
-    pub fn new(backend: &'a dyn Backend, options: Options) -> Self {
+impl Denoiser {
+    /// What it is to be is said step by step.
+    pub fn builder() -> Builder {
+        Builder::default()
+    }
+
+    /// One that filters on this back end, on the threads of whoever calls it.
+    pub fn new(backend: Arc<dyn Backend>, options: Options) -> Self {
         let filter = options.filter.clone().unwrap_or_else(shipped::best);
-        Self { backend, filter, options }
+        Self { backend, filter, options, threads: None, ready: Mutex::default() }
     }
 
     /// What runs the filters.
-    pub fn backend(&self) -> &'a dyn Backend {
-        self.backend
+    pub fn backend(&self) -> &dyn Backend {
+        &*self.backend
+    }
+
+    /// What it filters with.
+    pub fn filter_used(&self) -> &Filter {
+        &self.filter
+    }
+
+    /// A frame in memory, to be filtered: of so many columns and rows, whose buffers are then
+    /// named.
+    pub fn frame<'v>(&self, width: usize, height: usize) -> Buffers<'_, 'v> {
+        Buffers::new(self, width, height)
+    }
+
+    /// Does something on the threads that are for it.
+    fn within<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        match &self.threads {
+            Some(threads) => threads.install(work),
+            None => work(),
+        }
+    }
+
+    fn strength(&self) -> f32 {
+        self.options.strength.unwrap_or(1.0)
+    }
+
+    /// Filters the colour of a scene.
+    fn filtered(&self, scene: &Scene, run: Run<'_>) -> Result<(Filtered, Applied), DenoiseError> {
+        let checked = self.filter.check().expect("only filters that make sense get here");
+        scene.require(&checked.required())?;
+        let (code, planning, compilation) = self.code(scene.name(), Facts::of(scene))?;
+        let start = Instant::now();
+        let filtered = code.run(scene, Rect::whole(scene), run)?;
+        let (kept, filtering) = (filtered.kept.clone(), start.elapsed());
+        Ok((filtered, Applied { kept, planning, compilation, filtering }))
+    }
+
+    /// The filter as code for images of which this is known, and how long it took to plan and to
+    /// compile it.
+    fn code(
+        &self,
+        scene: &str,
+        facts: Facts,
+    ) -> Result<(Arc<Code>, Duration, Duration), DenoiseError> {
+        let ready = || self.ready.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((known, code)) = &*ready()
+            && *known == facts
+        {
+            return Ok((code.clone(), Duration::ZERO, Duration::ZERO));
+        }
+        let code = Code::new(&self.filter, (scene, &facts), &*self.backend, self.options.passes)?;
+        let (planning, compilation) = (code.planning, code.compilation);
+        let code = Arc::new(code);
+        *ready() = Some((facts, code.clone()));
+        Ok((code, planning, compilation))
     }
 
     /// Reads a file, and denoises it.
@@ -132,7 +260,7 @@ impl<'a> Denoiser<'a> {
     /// # Errors
     /// If the file cannot be read or lacks what the filter needs, or the back end fails.
     pub fn denoise(&self, path: &Path) -> Result<Denoised, DenoiseError> {
-        self.filter(self.load(path, &[])?)
+        self.within(|| self.filter(self.load(path, &[])?))
     }
 
     /// Reads a file, and others beside it with features of their own, with what its filter
@@ -185,11 +313,13 @@ impl<'a> Denoiser<'a> {
                 in_memory > max_memory
             }
         };
-        let pixels = match spilled {
-            false => Pixels::InMemory(Box::new(Scene::of(&target, &layers, &needs, reach, load)?)),
-            true => Pixels::Spilled(Box::new(SpilledScene::load(&target, &needs, reach, load)?)),
+        let scene = match spilled {
+            false => {
+                Prepared::InMemory(Box::new(Scene::of(&target, &layers, &needs, reach, load)?))
+            }
+            true => Prepared::Spilled(Box::new(SpilledScene::load(&target, &needs, reach, load)?)),
         };
-        Ok(Loaded { target, pixels })
+        Ok(Loaded { target, scene })
     }
 
     /// The filter of so many layers.
@@ -205,35 +335,37 @@ impl<'a> Denoiser<'a> {
     /// # Errors
     /// If it lacks what its filter needs, or the back end fails.
     pub fn filter(&self, frame: Frame) -> Result<Denoised, DenoiseError> {
-        self.filter_watched(frame, &|_, _| {})
+        self.filter_watched(frame, &|_, _| ControlFlow::Continue(()))
     }
 
     /// The same, and tells how far it is: how many rows are filtered, of how many, those of
     /// every picture and of every layer that is filtered by its weights. It is told from any thread.
     ///
     /// # Errors
-    /// Those of [`filter`](Self::filter).
+    /// Those of [`filter`](Self::filter), and one that [is a stop](DenoiseError::is_stop) if
+    /// `progress` breaks off.
     pub fn filter_watched(
         &self,
         frame: Frame,
-        watch: &(dyn Fn(usize, usize) + Sync),
+        progress: &Progress<'_>,
     ) -> Result<Denoised, DenoiseError> {
         let all: usize = frame.pictures.iter().map(|loaded| self.rows(loaded)).sum();
         let done = AtomicUsize::new(0);
         // A back end that takes over begins anew.
-        let watch = |rows: usize| watch(all.min(done.fetch_add(rows, Relaxed) + rows), all);
-        let pictures = frame.pictures.into_iter();
-        let pictures = pictures.map(|loaded| self.filter_picture(loaded, &watch));
-        let pictures = pictures.collect::<Result<_, _>>()?;
+        let watch = |rows: usize| progress(all.min(done.fetch_add(rows, Relaxed) + rows), all);
+        let pictures = self.within(|| {
+            let pictures = frame.pictures.into_iter();
+            pictures.map(|loaded| self.filter_picture(loaded, &watch)).collect::<Result<_, _>>()
+        })?;
         let (backend, precision) = (self.backend.name(), self.options.passes.precision);
         Ok(Denoised { pictures, filter: self.filter.clone(), backend, precision })
     }
 
     /// Rows that are filtered of a picture, each as often as there is something to filter.
     fn rows(&self, loaded: &Loaded) -> usize {
-        match &loaded.pixels {
-            Pixels::Spilled(scene) => scene.layout().height(),
-            Pixels::InMemory(scene) => {
+        match &loaded.scene {
+            Prepared::Spilled(scene) => scene.layout().height(),
+            Prepared::InMemory(scene) => {
                 let pictures = self.pictures(&loaded.target, scene);
                 // The colour of a single weight is filtered on its own.
                 let alone = usize::from(pictures == 0 || self.filter.paper().is_some());
@@ -243,30 +375,34 @@ impl<'a> Denoiser<'a> {
     }
 
     fn filter_picture(&self, loaded: Loaded, watch: &Watch<'_>) -> Result<Picture, DenoiseError> {
-        let Loaded { target, pixels } = loaded;
-        let filter = &self.filter;
-        let (passes, strength) = (self.options.passes, self.options.strength.unwrap_or(1.0));
-        let how = How { passes, strength, watch };
+        let Loaded { target, scene } = loaded;
+        let (filter, passes) = (&self.filter, self.options.passes);
+        let run = Run { strength: self.strength(), watch };
         let mut layers = Vec::new();
-        let (image, applied, notes) = match pixels {
-            Pixels::InMemory(scene) => {
+        let (image, applied, notes) = match scene {
+            Prepared::InMemory(scene) => {
                 let missing = scene.missing().to_vec();
                 let scene = if self.options.filters_alpha { scene.without_alpha() } else { *scene };
                 let notes = scene.notes().to_vec();
                 let has_layers = scene.layers().next().is_some();
                 let (image, applied) = match has_layers {
-                    false => apply(filter, &scene, self.backend, how)?,
+                    false => {
+                        let (filtered, applied) = self.filtered(&scene, run)?;
+                        (code::image(&scene, filtered), applied)
+                    }
                     true => {
-                        let (image, others, applied) = self.filter_layers(&target, scene, how)?;
+                        let (image, others, applied) = self.filter_layers(&target, scene, run)?;
                         layers = others;
                         (image, applied)
                     }
                 };
                 (image.blackened(&missing), applied, notes)
             }
-            Pixels::Spilled(scene) => {
+            Prepared::Spilled(scene) => {
                 let max_memory = self.options.max_memory.unwrap_or(u64::MAX);
-                let (image, applied) = parts::apply(filter, &scene, self.backend, how, max_memory)?;
+                let backend = &*self.backend;
+                let (image, applied) =
+                    parts::apply(filter, &scene, backend, passes, run, max_memory)?;
                 (image.blackened(scene.missing()), applied, scene.notes().to_vec())
             }
         };
@@ -281,7 +417,7 @@ impl<'a> Denoiser<'a> {
     }
 }
 
-impl Denoiser<'_> {
+impl Denoiser {
     fn filters_alpha_of(&self, target: &Target) -> bool {
         self.options.filters_alpha && target.alpha().is_some()
     }
@@ -297,7 +433,7 @@ impl Denoiser<'_> {
         &self,
         target: &Target,
         mut scene: Scene,
-        how: How<'_>,
+        run: Run<'_>,
     ) -> Result<(Image, Vec<Image>, Applied), DenoiseError> {
         let layers: Vec<LayerChannels> = scene.layers().cloned().collect();
         let mut pictures: Vec<[Vec<f32>; 3]> =
@@ -306,9 +442,13 @@ impl Denoiser<'_> {
             let white = vec![1.0; scene.layout().pixels()];
             pictures.push([white.clone(), white.clone(), white]);
         }
+        let (backend, passes) = (&*self.backend, self.options.passes);
         // The colour of a single weight has code of its own, which gives other bits.
         let mut color = match self.filter.paper() {
-            Some(_) => Some(apply(&self.filter, &scene, self.backend, how)?),
+            Some(_) => {
+                let (filtered, applied) = self.filtered(&scene, run)?;
+                Some((code::image(&scene, filtered), applied))
+            }
             None => None,
         };
         let mut filtered: Vec<Image> = Vec::with_capacity(pictures.len());
@@ -316,7 +456,7 @@ impl Denoiser<'_> {
             let carrying = self.carrying(target, together.len())?;
             scene = scene.with_pictures(together);
             let (images, took) =
-                code::apply_pictures(&carrying, &scene, together, self.backend, how)?;
+                code::apply_pictures(&carrying, &scene, together, backend, passes, run)?;
             let mut images = images.into_iter();
             let first = images.next().expect("the colour comes first");
             filtered.extend(images);

@@ -7,10 +7,11 @@
 use std::time::Instant;
 
 use super::DenoiseError;
-use super::code::{Applied, Code, How};
+use super::code::{Applied, Code, Run};
 use crate::backend::{Backend, Filtered, Rect};
 use crate::filter::Filter;
 use crate::image::Image;
+use crate::plan::Passes;
 use crate::scene::SpilledScene;
 
 /// Rows of a part at least: each also computes rows around it.
@@ -21,12 +22,13 @@ pub(super) fn apply(
     filter: &Filter,
     scene: &SpilledScene,
     backend: &dyn Backend,
-    how: How<'_>,
+    passes: Passes,
+    run: Run<'_>,
     max_memory: u64,
 ) -> Result<(Image, Applied), DenoiseError> {
     let checked = filter.check().expect("only filters that make sense get here");
     scene.require(&checked.required())?;
-    let code = Code::new(filter, (scene.name(), scene.facts()), backend, how)?;
+    let code = Code::new(filter, (scene.name(), scene.facts()), backend, passes)?;
     let layout = scene.layout();
     let (width, height) = (layout.width(), layout.height());
     let start = Instant::now();
@@ -42,7 +44,7 @@ pub(super) fn apply(
         let around = code.plan().rows(wanted.clone(), height);
         let part = scene.rows(around.clone())?;
         let rect = Rect { x: 0, y: wanted.start - around.start, width, height: wanted.len() };
-        let filtered: Filtered = code.run(&part, rect)?;
+        let filtered: Filtered = code.run(&part, rect, run)?;
         for (kept, more) in kept.iter_mut().zip(filtered.kept) {
             *kept += more;
         }

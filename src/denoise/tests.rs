@@ -1,6 +1,8 @@
 //! Parts against the whole.
 
+use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
 use super::*;
 use crate::backend::Interpreter;
@@ -13,7 +15,7 @@ fn galley() -> std::path::PathBuf {
 
 fn denoised(filter: &Filter, max_memory: Option<u64>) -> Denoised {
     let options = Options { filter: Some(filter.clone()), max_memory, ..Options::default() };
-    let denoiser = Denoiser::new(&Interpreter, options);
+    let denoiser = Denoiser::new(Arc::new(Interpreter), options);
     denoiser.denoise(&galley()).expect("a file of ours has every feature")
 }
 
@@ -41,7 +43,7 @@ fn an_image_that_does_not_fit_in_memory_gets_the_bits_of_one_that_does() {
 fn too_little_memory_is_an_error_that_says_how_much_is_needed() {
     let filter = shipped::programs().next().expect("one ships");
     let options = Options { filter: Some(filter), max_memory: Some(1), ..Options::default() };
-    let error = Denoiser::new(&Interpreter, options).denoise(&galley()).unwrap_err();
+    let error = Denoiser::new(Arc::new(Interpreter), options).denoise(&galley()).unwrap_err();
     let text = error.to_string();
     assert!(text.contains("galley") && text.contains("MiB of memory at least"), "{text}");
 }
@@ -54,7 +56,7 @@ fn spilled_scenes_are_mended_like_others() {
     for max_memory in [None, Some(1 << 24)] {
         let filter = Some(filter.clone());
         let options = Options { filter, load, max_memory, ..Options::default() };
-        let denoised = Denoiser::new(&Interpreter, options).denoise(&galley());
+        let denoised = Denoiser::new(Arc::new(Interpreter), options).denoise(&galley());
         assert!(denoised.is_ok(), "nothing in it needs repair");
     }
 }
@@ -74,10 +76,13 @@ fn a_watch_is_told_how_far_the_filtering_is() {
         for max_memory in [None, Some(SpilledScene::least(galley_pixels()))] {
             let filter = Some(filter.clone());
             let options = Options { filter, max_memory, ..Options::default() };
-            let denoiser = Denoiser::new(&Interpreter, options);
+            let denoiser = Denoiser::new(Arc::new(Interpreter), options);
             let frame = denoiser.load(&galley(), &[]).expect("a file of ours");
-            let told = std::sync::Mutex::new(Vec::new());
-            let watch = |done, of| told.lock().expect("nobody panics").push((done, of));
+            let told = Mutex::new(Vec::new());
+            let watch = |done, of| {
+                told.lock().expect("nobody panics").push((done, of));
+                ControlFlow::Continue(())
+            };
             let denoised = denoiser.filter_watched(frame, &watch).expect("it has every feature");
             let height = denoised.image().size().1;
             let mut told = told.into_inner().expect("nobody panics");

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::backend::reference::meaning::Images;
 use crate::backend::{Backend, Rect};
-use crate::denoise::{Code, DenoiseError, How};
+use crate::denoise::{Code, DenoiseError, Run};
 use crate::expr::feature::{Feature, PlaneId};
 use crate::filter::{Filter, Grid, Stage, StageKind};
 use crate::image::{Image, ImageError, Metrics};
@@ -130,10 +130,9 @@ fn run(
     reference: &Image,
     backend: &dyn Backend,
 ) -> Result<(Image, Effect), Error> {
-    let how = How::new(Passes::ALL);
-    let code = Code::new(filter, (scene.name(), facts), backend, how)?;
+    let code = Code::new(filter, (scene.name(), facts), backend, Passes::ALL)?;
     let whole = Rect::whole(scene);
-    let filtered = code.run(scene, whole)?.pixels;
+    let filtered = code.run(scene, whole, Run::default())?.pixels;
     let rgb = [0, 1, 2].map(|channel| filtered.iter().map(|pixel| pixel[channel]).collect());
     let image =
         Image::new(scene.name(), whole.width, whole.height, rgb).expect("a colour per pixel");

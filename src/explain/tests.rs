@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::*;
 use crate::backend::Interpreter;
-use crate::denoise::apply;
+use crate::denoise::{Run, apply};
 use crate::scene::{LoadOptions, Needs, load_reference};
 
 fn galley(filter: &Filter) -> (Scene, Image) {
@@ -17,7 +17,8 @@ fn galley(filter: &Filter) -> (Scene, Image) {
 }
 
 fn rel_mse(filter: &Filter, scene: &Scene, reference: &Image) -> f64 {
-    let (image, _) = apply(filter, scene, &Interpreter, How::new(Passes::ALL)).expect("it runs");
+    let (image, _) =
+        apply(filter, scene, &Interpreter, Passes::ALL, Run::default()).expect("it runs");
     Metrics::of(&image, reference).expect("the same size").rel_mse
 }
 
@@ -178,7 +179,7 @@ dilation = 3
     for filter in [single, program] {
         let (scene, _) = galley(&filter);
         let (image, _) =
-            apply(&filter, &scene, &Interpreter, How::new(Passes::ALL)).expect("it runs");
+            apply(&filter, &scene, &Interpreter, Passes::ALL, Run::default()).expect("it runs");
         let (width, height) = image.size();
         let window = filter.gathers().last().expect("one").window;
         for at in [[0, 0], [width - 1, height / 2], [61, 43], [20, height - 1]] {

@@ -19,6 +19,7 @@
 mod carry;
 mod check;
 pub mod file;
+mod find;
 pub mod shipped;
 mod show;
 
@@ -30,6 +31,7 @@ use crate::expr::tree::Tree;
 pub use carry::Carrying;
 pub use check::{Checked, FilterError, Resolved};
 pub use file::{FilterFileError, formula, spelling};
+pub use find::{FindError, names};
 pub use show::{reads, show, stages};
 
 /// The neighbourhood of a pixel: (2 radius + 1)² taps, `dilation` pixels apart.
@@ -267,6 +269,13 @@ impl Filter {
             }
         }
         Ok(self)
+    }
+
+    /// What a reader has to read: nodes of formulas, and the numbers of layers.
+    pub fn size(&self) -> usize {
+        let nodes = self.stages.iter().flat_map(Stage::trees).map(Tree::len).sum::<usize>();
+        let numbers = self.constants.layers.iter().map(|l| l.rows() * (l.columns() + 1));
+        nodes + numbers.sum::<usize>()
     }
 
     /// The gathers, in order.

@@ -105,6 +105,16 @@ impl Contrast {
     }
 }
 
+/// The window that all images have, if they begin at different places.
+pub fn common_window(images: &[Image], reference: &Image) -> Option<Window> {
+    let own = reference.window()?;
+    let windows = images.iter().map(Image::window).collect::<Option<Vec<Window>>>()?;
+    match windows.iter().all(|window| window.origin == own.origin) {
+        true => None,
+        false => windows.iter().try_fold(own, |all, window| all.overlap(window)),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,6 +7,8 @@
 pub mod caption;
 pub mod chart;
 pub mod contrast;
+mod findings;
+mod form;
 pub mod graph;
 pub mod number;
 pub mod page;
@@ -16,7 +18,9 @@ pub mod sheet;
 pub mod table;
 pub mod tradeoff;
 
-pub use contrast::{Contrast, FIGURES, Figure, Figures};
+pub use contrast::{Contrast, FIGURES, Figure, Figures, common_window};
+pub use findings::Findings;
+pub use form::{Form, UnknownForm};
 pub use picture::Picture;
 pub use score::{Measured, Score, ScoreTable, Total};
 pub use table::{Align, Format, Table};

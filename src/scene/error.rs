@@ -95,6 +95,16 @@ pub enum SceneError {
         /// the renderer is known.
         setting: String,
     },
+    /// A filter reads a feature that a frame in memory does not have.
+    #[error(
+        "{scene}: the filter reads `{term}`, which is not there; give it, or use a filter that does not read it"
+    )]
+    NotGiven {
+        /// What reports call the frame.
+        scene: String,
+        /// The field's term, as expressions spell it.
+        term: String,
+    },
     /// Pixels that are no numbers, and the user asked to refuse them.
     #[error(
         "{path}: channel \"{channel}\" has {count} pixel(s) that are not finite or beyond \

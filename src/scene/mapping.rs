@@ -60,6 +60,34 @@ pub struct Said {
     pub layer: String,
 }
 
+impl Said {
+    /// Reads what somebody says of a layer, as `--map` takes it: `albedo=DiffuseFilter`.
+    ///
+    /// # Errors
+    /// If it is no such text, or names no feature.
+    pub fn read(text: &str) -> Result<Self, String> {
+        let (term, layer) = text.split_once('=').ok_or("it must be FEATURE=LAYER")?;
+        let (term, quantity) = match (term, term.strip_suffix(".variance")) {
+            ("variance", _) => ("color", Quantity::Variance),
+            (_, Some(term)) => (term, Quantity::Variance),
+            ("colour", None) => ("color", Quantity::Value),
+            (term, None) => (term, Quantity::Value),
+        };
+        let feature = Feature::parse(term)
+            .filter(|&(feature, read)| feature.is_stored() && read == Quantity::Value);
+        let Some((feature, _)) = feature else {
+            return Err(format!(
+                "`{term}` is no feature; there are color, albedo, normal, depth, position, direct and \
+                 secondaryAlbedo, and `variance`"
+            ));
+        };
+        if layer.is_empty() {
+            return Err(format!("no layer is named for `{term}`"));
+        }
+        Ok(Self { term: (feature, quantity), layer: layer.to_owned() })
+    }
+}
+
 /// What is mapped, of all that a frame holds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {

@@ -78,6 +78,32 @@ impl Needs {
         mapping: &Mapping,
         color_scale: ColorScale,
     ) -> BTreeSet<(Feature, Quantity)> {
+        let has = |feature, quantity| match quantity {
+            Quantity::Value => mapping.value(feature).is_some(),
+            Quantity::Variance => mapping.variance(feature).is_some(),
+            Quantity::Gradient => false,
+        };
+        let is_moment = |feature| mapping.variance(feature).is_some_and(|source| source.is_moment);
+        self.stored_of(&has, &is_moment, color_scale)
+    }
+
+    /// The values and variances that [`RawScene::prepare`](super::RawScene::prepare) makes these
+    /// planes of, where `has` says what there is.
+    pub fn raw(
+        &self,
+        has: &dyn Fn(Feature, Quantity) -> bool,
+        color_scale: ColorScale,
+    ) -> BTreeSet<(Feature, Quantity)> {
+        self.stored_of(has, &|_| false, color_scale)
+    }
+
+    /// The same where `is_moment` says whose variances are second moments.
+    fn stored_of(
+        &self,
+        has: &dyn Fn(Feature, Quantity) -> bool,
+        is_moment: &dyn Fn(Feature) -> bool,
+        color_scale: ColorScale,
+    ) -> BTreeSet<(Feature, Quantity)> {
         let mut stored = BTreeSet::from([(Feature::Color, Quantity::Value)]);
         for feature in Feature::ALL {
             if self.wants(feature, Quantity::Value) || self.wants(feature, Quantity::Gradient) {
@@ -86,8 +112,7 @@ impl Needs {
             if self.wants(feature, Quantity::Variance) {
                 let follows =
                     feature == Feature::DirIllumination && color_scale == ColorScale::Compressed;
-                let is_moment = mapping.variance(feature).is_some_and(|source| source.is_moment);
-                if mapping.variance(feature).is_none() || follows || is_moment {
+                if !has(feature, Quantity::Variance) || follows || is_moment(feature) {
                     stored.insert((feature, Quantity::Value));
                 }
                 stored.insert((feature, Quantity::Variance));
@@ -103,14 +128,10 @@ impl Needs {
         if reads(&stored, Feature::WorldPosition) || reads(&stored, Feature::Depth) {
             stored.insert((Feature::WorldPosition, Quantity::Value));
             let evidence = [Feature::Depth, Feature::Normal];
-            let evidence = evidence.into_iter().find(|&feature| mapping.value(feature).is_some());
+            let evidence = evidence.into_iter().find(|&feature| has(feature, Quantity::Value));
             stored.extend(evidence.map(|feature| (feature, Quantity::Value)));
         }
-        stored.retain(|&(feature, quantity)| match quantity {
-            Quantity::Value => mapping.value(feature).is_some(),
-            Quantity::Variance => mapping.variance(feature).is_some(),
-            Quantity::Gradient => false,
-        });
+        stored.retain(|&(feature, quantity)| has(feature, quantity));
         stored
     }
 }

@@ -312,12 +312,12 @@ impl Origin {
             Quantity::Value => id.feature.term(),
             other => id.feature.spelling(other).unwrap_or(id.feature.term()),
         };
-        let (path, present) = match &self.target {
-            Some(target) => (target.path().to_owned(), target.listing().listing()),
-            None => (scene.into(), "no such feature".to_owned()),
+        let Some(target) = &self.target else {
+            return SceneError::NotGiven { scene: scene.to_owned(), term: term.to_owned() };
         };
-        let mapping = self.target.as_ref().map(Target::mapping);
-        let known = mapping.and_then(|mapping| Some((mapping.renderer()?, mapping.switches())));
+        let (path, present) = (target.path().to_owned(), target.listing().listing());
+        let mapping = target.mapping();
+        let known = mapping.renderer().map(|renderer| (renderer, mapping.switches()));
         let setting = match known {
             Some((renderer, switches)) => format!("Switch it on in {renderer}: {switches}"),
             None => "Render that feature too".to_owned(),

@@ -107,7 +107,9 @@ fn outcome(
     };
     let checked = trial.checked();
     let scene = match prepare(raw, &checked) {
-        Err(StressError::Scene(SceneError::MissingFeature { .. })) if fault == Fault::Missing => {
+        Err(StressError::Scene(
+            SceneError::NotGiven { .. } | SceneError::MissingFeature { .. },
+        )) if fault == Fault::Missing => {
             return Ok(Outcome::Refused);
         }
         other => other?,

@@ -9,7 +9,7 @@ use super::block::{Arg, BLOCK, LANES, Program, Slots};
 use super::sums::{Frame, Scratch, SumShape, Summer, Sums};
 use super::uniform::Changes;
 use crate::backend::{
-    BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, Watch, color_at, holds, inside,
+    BackendError, Filtered, Rect, TRUSTED_SHARE, TRUSTED_SUM, Watch, color_at, holds, inside, tell,
 };
 use crate::expr::tape::{Axis, Input, Side};
 use crate::plan::{Tapes, WindowPlan};
@@ -95,7 +95,7 @@ impl Rates {
                         self.resolve(stretch, weight, shape, scratch.sums(), filtered);
                     }
                 }
-                watch(strip.height);
+                tell(watch, strip.height)?;
                 Ok(filtered)
             })
             .collect::<Result<_, BackendError>>()?;

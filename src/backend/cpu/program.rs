@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use super::band::Band;
 use super::paper::per_tap;
 use super::sums::{self, Owed, Summer, Sums};
-use crate::backend::{BackendError, Executable, Filtered, Rect, Watch, holds, inside};
+use crate::backend::{BackendError, Executable, Filtered, Rect, Watch, holds, inside, tell};
 use crate::expr::symbol::StagePlane;
 use crate::filter::Grid;
 use crate::plan::{Edges, GatherKernel, Kernel, MapKernel, Output, PairLoop, Program, SumKernel};
@@ -418,7 +418,7 @@ impl<E: Engine> ProgramCode<E> {
             {
                 self.take(&strip, picture, rows, pixels);
             }
-            watch(bottom - top);
+            tell(watch, bottom - top)?;
         }
         Ok(strip.kept)
     }

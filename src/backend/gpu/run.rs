@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::slots::{Lease, Needs, SLOTS, Slot, TIMESTAMPS};
 use super::tiles::{Tile, tiles};
 use super::{GpuError, Opened};
-use crate::backend::{BackendError, Filtered, Rect, Watch};
+use crate::backend::{BackendError, Filtered, Rect, Watch, tell};
 use crate::scene::Scene;
 use crate::scene::plane::Layout;
 
@@ -81,7 +81,7 @@ pub(super) fn run(
                     let first = pending.pop_front().expect("or waiting would be allowed");
                     let pixels = first.tile.rect.pixels();
                     collect(gpu, first, region, &starts, &mut filtered)?;
-                    watch(rows.after(pixels));
+                    tell(watch, rows.after(pixels))?;
                 }
             }
         };
@@ -90,7 +90,7 @@ pub(super) fn run(
     for last in pending {
         let pixels = last.tile.rect.pixels();
         collect(gpu, last, region, &starts, &mut filtered)?;
-        watch(rows.after(pixels));
+        tell(watch, rows.after(pixels))?;
     }
     Ok(filtered)
 }

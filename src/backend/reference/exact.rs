@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::meaning::Images;
 use super::oracle;
-use crate::backend::{ACCURACY, color_at};
+use crate::backend::{ACCURACY, color_at, tell};
 use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect, Watch, inside};
 use crate::expr::Tree;
 use crate::filter::{Filter, Gather};
@@ -88,7 +88,7 @@ impl Executable for Whole {
             Filtered { pixels, kept: kept.clone() }
         });
         let pictures = pictures.collect();
-        watch(rows_of(region));
+        tell(watch, rows_of(region))?;
         Ok(pictures)
     }
 }
@@ -112,7 +112,7 @@ impl Executable for Meaning {
             }
         }
         let filtered = self.stages.iter().map(|stage| filter(scene, stage, region)).collect();
-        watch(rows_of(region));
+        tell(watch, rows_of(region))?;
         Ok(filtered)
     }
 }

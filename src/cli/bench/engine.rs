@@ -9,7 +9,7 @@ use super::contest::{Contestant, Lap, Round, Runner};
 use crate::backend::{Backend, Exact, Filtered, Rect};
 use crate::cli::backend::{Lanes, Processor};
 use crate::cli::error::Error;
-use crate::denoise::{Code, How};
+use crate::denoise::{Code, Run};
 use crate::filter::Filter;
 use crate::image::Image;
 use crate::plan::{Passes, Precision};
@@ -92,10 +92,12 @@ impl Engine {
 
 #[cfg(feature = "gpu")]
 fn on_gpu(gpu: Option<&str>, precision: Precision) -> Result<Engine, Error> {
-    use crate::backend::{Gpu, gpu::Options};
+    use crate::backend::gpu::Options;
+    use crate::backend::{BackendError, Gpu};
 
     let adapter = gpu.map(str::to_owned);
-    let backend = Gpu::open(&Options { adapter, precision, ..Options::default() })?;
+    let backend = Gpu::open(&Options { adapter, precision, ..Options::default() });
+    let backend = backend.map_err(BackendError::from)?;
     let name = precision.title(backend.name());
     // Drivers compile when a shader is first dispatched.
     Ok(Engine { name, backend: Box::new(backend), precision, lazy: true })
@@ -114,7 +116,7 @@ pub(super) struct OnEngine {
 
 struct Entered<'a> {
     round: &'a Round,
-    code: Code<'a>,
+    code: Code,
     compile: Duration,
     filtered: Filtered,
 }
@@ -126,11 +128,11 @@ impl Contestant for OnEngine {
         let start = Instant::now();
         let passes = Passes { precision: self.engine.precision, ..Passes::ALL };
         let scene = (round.scene.name(), &round.facts);
-        let code = Code::new(&self.filter, scene, &*self.engine.backend, How::new(passes))?;
+        let code = Code::new(&self.filter, scene, &*self.engine.backend, passes)?;
         if self.engine.lazy {
             let Rect { width, height, .. } = Rect::whole(&round.scene);
             let corner = Rect { x: 0, y: 0, width: width.min(8), height: height.min(8) };
-            code.run(&round.scene, corner)?;
+            code.run(&round.scene, corner, Run::default())?;
         }
         let compile = start.elapsed();
         Ok(Box::new(Entered { round, code, compile, filtered: Filtered::default() }))
@@ -141,7 +143,7 @@ impl Runner for Entered<'_> {
     fn run(&mut self) -> Result<Lap, Error> {
         let scene = &self.round.scene;
         let start = Instant::now();
-        let filtered = self.code.run(scene, Rect::whole(scene));
+        let filtered = self.code.run(scene, Rect::whole(scene), Run::default());
         let time = start.elapsed();
         self.filtered = filtered?;
         Ok(Lap { time, process: None })

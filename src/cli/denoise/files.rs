@@ -6,13 +6,12 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf, is_separator};
 
-use super::form::Form;
 use super::inputs::{Input, is_stream};
 use super::pattern::Pattern;
 use super::shard::Shard;
 use crate::cli::error::Error;
 use crate::image::ImageError;
-use crate::report::number;
+use crate::report::{Form, number};
 
 /// Every input with the place of its result.
 #[derive(Debug)]
@@ -234,13 +233,7 @@ fn placed(
 
 /// What an output's name asks for, unless `format` contradicts it.
 fn written_as(output: &Path, format: Option<Form>) -> Result<Form, Error> {
-    let Some(form) = Form::of(output) else {
-        return Err(Error::Usage(format!(
-            "{}: results are written as .exr, .pfm (linear) or .png (tone-mapped); \
-             give the output one of these endings",
-            output.display()
-        )));
-    };
+    let form = Form::of(output).map_err(|error| Error::Usage(error.to_string()))?;
     match format.filter(|&format| format != form) {
         None => Ok(form),
         Some(format) => Err(Error::Usage(format!(

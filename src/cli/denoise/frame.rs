@@ -4,20 +4,19 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::files::Frame;
-use super::form::Form;
 use super::timings::Timings;
 use crate::cli::apply::reach;
 use crate::cli::error::Error;
 use crate::denoise::{self, Applied, Denoised, Denoiser, Feeds, Picture};
 use crate::filter::Filter;
 use crate::image::{Image, listing};
-use crate::report::number;
+use crate::report::{Form, number};
 use crate::scene::Note;
 use crate::scene::listing::Aux;
 
 /// What is done to every frame.
-pub(super) struct Job<'a> {
-    pub(super) denoiser: Denoiser<'a>,
+pub(super) struct Job {
+    pub(super) denoiser: Denoiser,
     pub(super) form: Form,
     /// Whether somebody named the filter.
     pub(super) is_named: bool,
@@ -59,7 +58,7 @@ pub(super) enum Remark {
     Detail(String),
 }
 
-impl Job<'_> {
+impl Job {
     /// Loads a frame from a file, and others with features of their own.
     pub(super) fn load(&self, source: &Path, aux: &[Aux]) -> Result<Loaded, Error> {
         let start = Instant::now();
@@ -67,13 +66,13 @@ impl Job<'_> {
         Ok(Loaded { frame, loading: start.elapsed() })
     }
 
-    /// Filters a frame; `watch` is told how many rows are done, and of how many.
+    /// Filters a frame; `progress` is told how many rows are done, and of how many.
     pub(super) fn filter(
         &self,
         loaded: Loaded,
-        watch: &(dyn Fn(usize, usize) + Sync),
+        progress: &denoise::Progress<'_>,
     ) -> Result<Filtered, Error> {
-        let denoised = self.denoiser.filter_watched(loaded.frame, watch)?;
+        let denoised = self.denoiser.filter_watched(loaded.frame, progress)?;
         Ok(Filtered { denoised, loading: loaded.loading })
     }
 

@@ -2,7 +2,6 @@
 //! of one.
 
 mod files;
-mod form;
 mod frame;
 mod inputs;
 mod numbers;
@@ -16,9 +15,11 @@ mod streams;
 mod tally;
 mod timings;
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
 use super::backend::Opened;
@@ -28,9 +29,8 @@ use super::options::Running;
 use super::resolve::resolve;
 use crate::denoise::{Denoiser, Options};
 use crate::filter::shipped;
-use crate::report::number;
+use crate::report::{Form, number};
 use files::{Files, Frame};
-use form::Form;
 use frame::{Job, Remark};
 use inputs::is_stream;
 use pipeline::Pipeline;
@@ -125,6 +125,16 @@ pub(super) struct Denoise {
     sources: Sources,
 }
 
+impl ValueEnum for Form {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.ending()).help(self.doc()))
+    }
+}
+
 /// Reads a number of photographic stops.
 fn stops(text: &str) -> Result<f32, String> {
     match text.parse() {
@@ -176,7 +186,7 @@ impl Denoise {
             max_memory: Some(self.running.backend.memory_for_scenes() / flying),
         };
         let job = Job {
-            denoiser: Denoiser::new(&*backend, options),
+            denoiser: Denoiser::new(backend.into(), options),
             form: files.form(),
             is_named: self.filter.is_some(),
             exposure: self.exposure,
@@ -200,7 +210,11 @@ impl Denoise {
             |_, loaded| {
                 let Some(loaded) = loaded else { return Ok(None) };
                 progress.step("filtering");
-                job.filter(loaded, &|done, of| progress.rows(done, of)).map(Some)
+                let told = |done, of| {
+                    progress.rows(done, of);
+                    ControlFlow::Continue(())
+                };
+                job.filter(loaded, &told).map(Some)
             },
             |place, filtered| {
                 let frame = files.frame(place);

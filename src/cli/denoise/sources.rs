@@ -8,7 +8,7 @@ use clap::Args;
 use super::files::Frame;
 use super::pattern::Pattern;
 use crate::cli::error::Error;
-use crate::expr::{Feature, Quantity};
+use crate::expr::Feature;
 use crate::scene::listing::Aux;
 use crate::scene::mapping::{Said, Selection};
 
@@ -19,7 +19,7 @@ pub(super) struct Sources {
     /// What feeds a feature, where the layer's name does not tell: albedo=DiffuseFilter
     /// (again, or with commas, for more). Features: color, albedo, normal, depth, position,
     /// direct, secondaryAlbedo; variance is the color's, albedo.variance another's
-    #[arg(long, value_name = "FEATURE=LAYER", value_delimiter = ',', value_parser = said)]
+    #[arg(long, value_name = "FEATURE=LAYER", value_delimiter = ',', value_parser = Said::read)]
     map: Vec<Said>,
 
     /// A file with the albedo in it: EXR, PFM, TIFF or PNG; of a sequence a pattern
@@ -117,43 +117,4 @@ impl Sources {
 /// Reads a pattern of names.
 fn pattern(text: &str) -> Result<glob::Pattern, String> {
     glob::Pattern::new(text).map_err(|error| error.to_string())
-}
-
-/// Reads what somebody says of a layer.
-fn said(text: &str) -> Result<Said, String> {
-    let (term, layer) = text.split_once('=').ok_or("it must be FEATURE=LAYER")?;
-    let (term, quantity) = match (term, term.strip_suffix(".variance")) {
-        ("variance", _) => ("color", Quantity::Variance),
-        (_, Some(term)) => (term, Quantity::Variance),
-        ("colour", None) => ("color", Quantity::Value),
-        (term, None) => (term, Quantity::Value),
-    };
-    let feature = Feature::parse(term)
-        .filter(|&(feature, read)| feature.is_stored() && read == Quantity::Value);
-    let Some((feature, _)) = feature else {
-        return Err(format!(
-            "`{term}` is no feature; there are color, albedo, normal, depth, position, direct and \
-             secondaryAlbedo, and `variance`"
-        ));
-    };
-    if layer.is_empty() {
-        return Err(format!("no layer is named for `{term}`"));
-    }
-    Ok(Said { term: (feature, quantity), layer: layer.to_owned() })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn features_have_the_fields_names() {
-        let term = |text: &str| said(text).map(|said| said.term);
-        assert_eq!(term("albedo=DiffuseFilter"), Ok((Feature::Texture, Quantity::Value)));
-        assert_eq!(term("variance=Var"), Ok((Feature::Color, Quantity::Variance)));
-        assert_eq!(term("albedo.variance=V"), Ok((Feature::Texture, Quantity::Variance)));
-        for wrong in ["albedo", "albedo=", "alb=x", "pixel=x", "cVariance=x"] {
-            assert!(said(wrong).is_err(), "{wrong}");
-        }
-    }
 }

@@ -40,13 +40,14 @@ pub(super) fn open(lanes: Lanes, gpu: Option<&str>) -> Result<Vec<Opened>, Error
 
 #[cfg(feature = "gpu")]
 fn on_gpu(gpu: Option<&str>) -> Result<Vec<Opened>, Error> {
-    use crate::backend::{Gpu, gpu::Options};
+    use crate::backend::gpu::Options;
+    use crate::backend::{BackendError, Gpu};
 
     let opened = Precision::ALL.map(|precision| {
         let adapter = gpu.map(str::to_owned);
         let backend = match Gpu::open(&Options { adapter, precision, ..Options::default() }) {
             Ok(backend) => Ok(Box::new(backend) as Box<dyn Backend>),
-            Err(error) if gpu.is_some() => return Err(error.into()),
+            Err(error) if gpu.is_some() => return Err(BackendError::from(error).into()),
             Err(error) => Err(error.to_string()),
         };
         Ok(Opened { name: precision.title("gpu"), backend, precision })

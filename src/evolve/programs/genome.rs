@@ -54,9 +54,7 @@ impl Genome {
 
     /// What a reader has to read: nodes of formulas, and the numbers of layers.
     pub fn size(&self) -> usize {
-        let nodes = self.0.stages.iter().flat_map(Stage::trees).map(Tree::len).sum::<usize>();
-        let numbers = self.0.constants.layers.iter().map(|l| l.rows() * (l.columns() + 1));
-        nodes + numbers.sum::<usize>()
+        self.0.size()
     }
 
     /// What tells the program from others that are not merely tuned differently.

@@ -377,3 +377,14 @@ fn second_moments_are_variances_where_the_samples_are_known() {
     assert_eq!(variance.channels[2], "m2_img.B");
     assert!(m.variance(Normal).is_some_and(|variance| variance.is_moment));
 }
+
+#[test]
+fn features_have_the_fields_names() {
+    let term = |text: &str| Said::read(text).map(|said| said.term);
+    assert_eq!(term("albedo=DiffuseFilter"), Ok((Texture, Quantity::Value)));
+    assert_eq!(term("variance=Var"), Ok((Color, Quantity::Variance)));
+    assert_eq!(term("albedo.variance=V"), Ok((Texture, Quantity::Variance)));
+    for wrong in ["albedo", "albedo=", "alb=x", "pixel=x", "cVariance=x"] {
+        assert!(Said::read(wrong).is_err(), "{wrong}");
+    }
+}

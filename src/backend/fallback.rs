@@ -1,16 +1,15 @@
-//! A GPU with the processor behind it: where the GPU fails, whatever the reason,
-//! the work is done all the same, and the failure is said.
+//! A GPU with the processor behind it: where the GPU fails, whatever the reason, the work is
+//! done all the same, and whoever wants to know is told of the failure.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::log::Log;
-use crate::backend::{Agreement, Backend, BackendError, Executable, Filtered, Rect, Watch};
+use super::{Agreement, Backend, BackendError, Executable, Filtered, Rect, Watch};
 use crate::plan::Plan;
 use crate::scene::Scene;
 
 /// A back end, and another that takes over when it fails.
-pub(super) struct Fallback {
+pub struct Fallback {
     first: Box<dyn Backend>,
     behind: Arc<Behind>,
 }
@@ -19,21 +18,24 @@ struct Behind {
     second: Box<dyn Backend>,
     /// Set by the first failure: what is lost stays lost.
     failed: AtomicBool,
-    log: Log,
+    remarks: Remarks,
 }
 
+/// Who is told in a sentence, from any thread, what was chosen and what failed.
+pub type Remarks = Arc<dyn Fn(&str) + Send + Sync>;
+
 impl Fallback {
-    pub(super) fn new(first: Box<dyn Backend>, second: Box<dyn Backend>, log: Log) -> Self {
+    /// Runs plans on the first back end, and once that fails on the second.
+    pub fn new(first: Box<dyn Backend>, second: Box<dyn Backend>, remarks: Remarks) -> Self {
         let failed = AtomicBool::new(false);
-        Self { first, behind: Arc::new(Behind { second, failed, log }) }
+        Self { first, behind: Arc::new(Behind { second, failed, remarks }) }
     }
 }
 
 impl Behind {
     fn take_over(&self, error: &BackendError) {
         if !self.failed.swap(true, Ordering::Relaxed) {
-            self.log
-                .say(format_args!("{error}\n--backend auto: going on with {}", self.second.name()));
+            (self.remarks)(&format!("{error}; {} goes on", self.second.name()));
         }
     }
 
@@ -95,10 +97,12 @@ impl Executable for GuardedCode {
             return self.behind.run(&self.plan, scene, region, watch);
         }
         match self.first.run_watched(scene, region, watch) {
-            // What a scene lacks, or a plan takes for granted of it, is no failure of the GPU.
+            // What a scene lacks, or a plan takes for granted of it, is no failure of the GPU, and
+            // who stopped it wants nothing else to begin.
             Err(
                 error @ (BackendError::Unlike { .. }
                 | BackendError::NotLoaded(_)
+                | BackendError::Stopped
                 | BackendError::Outside { .. }),
             ) => Err(error),
             Err(error) => {
@@ -184,7 +188,7 @@ mod tests {
             Interpreter.compile(&plan).and_then(|code| code.run(&scene, &whole)).expect("runs");
         for runs in 0..=4 {
             let first = Box::new(Mortal { left: Arc::new(AtomicUsize::new(runs)) });
-            let backend = Fallback::new(first, Box::new(Interpreter), Log::new(true));
+            let backend = Fallback::new(first, Box::new(Interpreter), Arc::new(|_| {}));
             for _ in 0..2 {
                 let code = backend.compile(&plan).expect("one of them compiles");
                 assert_eq!(code.run(&scene, &whole).expect("one of them runs"), expected);
