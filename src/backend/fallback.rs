@@ -120,7 +120,6 @@ mod tests {
 
     use super::*;
     use crate::backend::Interpreter;
-    use crate::backend::gpu::GpuError;
     use crate::filter::Window;
     use crate::plan::Passes;
     use crate::scene::{Facts, LoadOptions, Needs, RawScene};
@@ -131,7 +130,7 @@ mod tests {
     }
 
     fn lost() -> BackendError {
-        GpuError::Lost { adapter: "card".to_owned(), reason: "pulled out".to_owned() }.into()
+        BackendError::NotBuilt { backend: "mortal" }
     }
 
     impl Backend for Mortal {
