@@ -116,8 +116,17 @@ def test_what_progress_raises_ends_the_work():
     assert (out == 7).all(), "nothing was written"
 
 
+@pytest.fixture
+def interruptible():
+    """Ctrl-C raises KeyboardInterrupt. A run in the background is started to ignore it, which
+    Python keeps."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent by other means there")
-def test_ctrl_c_ends_the_work():
+def test_ctrl_c_ends_the_work(interruptible):
     color = large()
     out = np.full(color.shape, 7, np.float32)
     rows = []
@@ -136,7 +145,9 @@ def test_ctrl_c_ends_the_work():
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent by other means there")
 def test_ctrl_c_from_outside_ends_a_process():
     script = """
-        import sys, numpy, tamis
+        import signal, numpy, tamis
+        # A run in the background is started to ignore it.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         color = numpy.random.default_rng(1).random((2048, 2048, 3), dtype=numpy.float32)
         denoiser = tamis.Denoiser(threads=1)
         denoiser.denoise(color[:32, :32])
