@@ -49,7 +49,7 @@
 //! - [`image`]: images, OpenEXR files, metrics.
 //! - [`scene`]: features to normalised planes and facts about them.
 //! - [`plan`]: the passes; filters and their files.
-//! - [`denoise`]: files in, images out.
+//! - [`denoise`]: files, and frames in memory, filtered: where other programs begin.
 //! - [`backend`]: interpreter, machine code, and the exact oracle.
 //! - [`tune`]: constants of programs, by gradients.
 //! - [`evolve`]: the search.

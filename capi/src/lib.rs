@@ -21,9 +21,8 @@
 //! lock.rs         locks
 //! ```
 //!
-//! A file knows those below it. `unsafe` code is in `calls/`, `image.rs`, `callback.rs`,
-//! `execution.rs`,
-//! `handle.rs` and `text.rs` alone.
+//! A file knows those below it. `unsafe` code is in `calls/`, `execution.rs`, `image.rs`,
+//! `callback.rs`, `text.rs` and `handle.rs` alone.
 
 pub mod calls;
 pub mod types;

@@ -47,8 +47,7 @@ impl Slot {
         match self {
             Self::Output => 3,
             Self::Alpha => 1,
-            Self::Feature(feature, Quantity::Variance) => feature.row().variance_channels.len(),
-            Self::Feature(feature, Quantity::Value | Quantity::Gradient) => feature.width(),
+            Self::Feature(feature, quantity) => feature.stored_width(quantity),
         }
     }
 }

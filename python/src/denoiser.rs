@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use tamis::backend::Choice;
 use tamis::denoise::{self, Applied, Builder, DenoiseError, Feeds, Options};
+use tamis::expr::feature::snake_case;
 use tamis::expr::{Feature, Quantity};
 use tamis::image::exr::Unfinished;
 use tamis::plan::{Passes, Precision};
@@ -241,13 +242,7 @@ fn argument(name: &str) -> Option<(Feature, Quantity)> {
 
 /// What a feature's argument is called.
 pub(crate) fn parameter(feature: Feature, quantity: Quantity) -> String {
-    let mut name = String::new();
-    for c in feature.term().chars() {
-        if c.is_ascii_uppercase() {
-            name.push('_');
-        }
-        name.push(c.to_ascii_lowercase());
-    }
+    let name = snake_case(feature.term());
     match quantity {
         Quantity::Value => name,
         Quantity::Gradient => name + "_gradient",

@@ -249,6 +249,8 @@ pub trait Executable: Send + Sync {
 }
 
 /// Whoever is told, from any thread, that so many more rows are done, and says whether to go on.
+/// Programs tell every few rows; plans of one window tell strip by strip, of which a single thread
+/// may have but one.
 pub type Watch<'w> = dyn Fn(usize) -> ControlFlow<()> + Sync + 'w;
 
 /// Nobody looks.

@@ -1,5 +1,6 @@
 //! Another back end, which whoever waits for it can stop.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -14,7 +15,7 @@ pub const PAIRS: usize = 1 << 30;
 
 /// Runs plans on another back end, and fails with [`BackendError::Stopped`] as soon as a flag
 /// is raised. Regions of plans of one window are filtered piece by piece for that, to the same
-/// bits; programs of several stages are run whole, and stop between two runs.
+/// bits; programs look at the flag every few rows.
 pub struct Stoppable<'a> {
     inner: &'a dyn Backend,
     stop: Arc<AtomicBool>,
@@ -70,9 +71,15 @@ impl Executable for Code {
         watch: &Watch<'_>,
     ) -> Result<Vec<Filtered>, BackendError> {
         let mut whole: Vec<Filtered> = Vec::new();
+        let watch = |rows: usize| match watch(rows) {
+            ControlFlow::Continue(()) if !self.stop.load(Ordering::Relaxed) => {
+                ControlFlow::Continue(())
+            }
+            _ => ControlFlow::Break(()),
+        };
         for piece in pieces(region, self.pixels) {
             go_on(&self.stop)?;
-            let filtered = self.inner.run_watched(scene, &piece, watch)?;
+            let filtered = self.inner.run_watched(scene, &piece, &watch)?;
             if whole.is_empty() {
                 whole = filtered;
                 continue;
@@ -225,6 +232,32 @@ mod tests {
         assert!(matches!(code.run(&scene, &REGION), Err(BackendError::Stopped)));
         assert!(matches!(stoppable.compile(&plan), Err(BackendError::Stopped)));
         assert_eq!(runs.lock().expect("nobody panics with it").len(), 3);
+    }
+
+    #[test]
+    fn a_program_stops_on_its_way() {
+        let scene = scene();
+        let filter = crate::filter::shipped::programs().last().expect("one ships");
+        let checked = filter.check().expect("it makes sense");
+        let raw = RawScene::new("room", 40, 30, scene.noisy().rgb().map(<[f32]>::to_vec));
+        let scene = raw
+            .prepare(&checked.needs(), checked.reach(), &LoadOptions::default())
+            .expect("a sound scene");
+        let plan = Plan::of(&checked, &crate::scene::Facts::of(&scene), Passes::ALL);
+        let stop = Arc::new(AtomicBool::new(false));
+        let stoppable = Stoppable::new(&Interpreter, Arc::clone(&stop), PAIRS);
+        let code = stoppable.compile(&plan.expect("a plan")).expect("code");
+        let told = Mutex::new(Vec::new());
+        // Somebody raises the flag while the first rows are told.
+        let watch = |rows: usize| {
+            told.lock().expect("nobody panics").push(rows);
+            stop.store(true, Ordering::Relaxed);
+            ControlFlow::Continue(())
+        };
+        let stopped = code.run_watched(&scene, &[Rect::whole(&scene)], &watch);
+        assert!(matches!(stopped, Err(BackendError::Stopped)));
+        let told = told.into_inner().expect("nobody panics");
+        assert!(told.len() == 1 && told[0] < 30, "{told:?}");
     }
 
     #[test]

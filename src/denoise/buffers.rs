@@ -176,11 +176,7 @@ impl<'d, 'v> Buffers<'d, 'v> {
         let has = |feature, quantity| self.planes.contains_key(&(feature, quantity));
         let wanted = needs.raw(&has, self.denoiser.options.load.color_scale);
         let read = self.planes.par_iter().map(|(&(feature, quantity), view)| {
-            let components = match quantity {
-                Quantity::Value => feature.row().channels.len(),
-                Quantity::Variance => feature.row().variance_channels.len(),
-                Quantity::Gradient => 0,
-            };
+            let components = feature.stored_width(quantity);
             if components == 0 {
                 return Err(DenoiseError::NoBuffer { name: name(feature, quantity) });
             }

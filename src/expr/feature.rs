@@ -298,15 +298,17 @@ impl Feature {
     /// What code calls one of its quantities, as far as expressions can name it:
     /// `world_position`, `wp_gradient`.
     pub fn identifier(self, quantity: Quantity) -> String {
-        let spelling = self.spelling(quantity).unwrap_or(self.row().name);
-        let mut identifier = String::with_capacity(spelling.len() + 2);
-        for c in spelling.chars() {
-            if c.is_ascii_uppercase() {
-                identifier.push('_');
-            }
-            identifier.push(c.to_ascii_lowercase());
+        snake_case(self.spelling(quantity).unwrap_or(self.row().name))
+    }
+
+    /// Components of one of its quantities as files and frames in memory hold it; 0 if they hold
+    /// none.
+    pub fn stored_width(self, quantity: Quantity) -> usize {
+        match quantity {
+            Quantity::Value => self.row().channels.len(),
+            Quantity::Variance => self.row().variance_channels.len(),
+            Quantity::Gradient => 0,
         }
-        identifier
     }
 
     /// Looks a spelling up.
@@ -322,6 +324,18 @@ impl Feature {
             Quantity::ALL.into_iter().filter(move |&q| f.spelling(q).is_some()).map(move |q| (f, q))
         })
     }
+}
+
+/// A spelling as code has it: `worldPosition` as `world_position`.
+pub fn snake_case(spelling: &str) -> String {
+    let mut name = String::with_capacity(spelling.len() + 2);
+    for c in spelling.chars() {
+        if c.is_ascii_uppercase() {
+            name.push('_');
+        }
+        name.push(c.to_ascii_lowercase());
+    }
+    name
 }
 
 impl Quantity {
